@@ -18,6 +18,7 @@ use super::assembly::{ElementSet, Elements};
 use super::element::{Dilatation, Element};
 use super::energy::{StrainRows, Strains};
 use super::lame::Lame;
+use super::products::add_dyad;
 use super::stiffness::NodeFields;
 use super::tet4;
 use crate::mesh::TetMesh;
@@ -121,7 +122,8 @@ impl Elements for Patches {
         let gradients = &self.gradients[self.start[element]..self.start[element + 1]];
         let own = gradients[a] * self.stiffness[element];
         for (block, gradient) in out.iter_mut().zip(gradients) {
-            *block = own * gradient.transpose();
+            *block = Matrix3::zeros();
+            add_dyad(block, &own, gradient);
         }
     }
 }

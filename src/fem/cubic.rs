@@ -12,6 +12,7 @@
 use super::assembly::AssemblyError;
 use super::element::{Dilatation, Element};
 use super::lame::Lame;
+use super::products::add_dyad;
 use super::stiffness::NodeFields;
 use super::{tet4, tet10};
 use crate::mesh::{TetMesh, quadratic};
@@ -159,10 +160,11 @@ impl Rows {
         self.gradients.clear();
         for k in 0..n {
             let origin = displacement(fields, point.nodes[0], k);
-            let of = |(&node, gradient): (&u32, &Vector3<f64>)| {
-                (displacement(fields, node, k) - origin) * gradient.transpose()
-            };
-            self.gradients.push(point.nodes.iter().zip(point.gradients).skip(1).map(of).sum());
+            let mut sum = Matrix3::zeros();
+            for (&node, gradient) in point.nodes.iter().zip(point.gradients).skip(1) {
+                add_dyad(&mut sum, &(displacement(fields, node, k) - origin), gradient);
+            }
+            self.gradients.push(sum);
         }
         let stress = |k: usize| {
             let h = &self.gradients[k];

@@ -23,6 +23,7 @@ use super::assembly::{AssemblyError, Elements, Pattern};
 use super::element::Element;
 use super::lame::Lame;
 use super::law::{Law, Tangent};
+use super::products::{add_dyad, times};
 use super::stiffness::{NodeFields, StiffnessMatrix};
 use super::strain_points::StrainPoints;
 use crate::mesh::TetMesh;
@@ -131,7 +132,7 @@ impl Hyperelastic {
         for (q, stress) in stresses.iter().enumerate() {
             let nodes = self.points.nodes_of(self.points.element_of(q));
             for (&node, gradient) in nodes.iter().zip(self.points.gradients_at(q)) {
-                let force = stress * gradient;
+                let force = times(stress, gradient);
                 for axis in 0..3 {
                     forces.data[3 * node as usize + axis] += force[axis];
                 }
@@ -243,8 +244,10 @@ impl Elements for Strained<'_> {
                     row[i] = c[i] * g.x + c[3 + i] * g.y + c[6 + i] * g.z;
                 }
             }
-            let above = out.iter_mut().zip(gradients).zip(nodes).filter(|(_, node)| **node >= nodes[a]);
-            for ((block, g), _) in above {
+            for ((block, g), node) in out.iter_mut().zip(gradients).zip(nodes) {
+                if *node < nodes[a] {
+                    continue;
+                }
                 for (k, column) in block.data.0.iter_mut().enumerate() {
                     for i in 0..3 {
                         column[i] += rows[k][i] * g.x + rows[3 + k][i] * g.y + rows[6 + k][i] * g.z;
@@ -274,7 +277,8 @@ impl Elements for Averaged<'_> {
         let own = gradients[a] * self.points.means.stiffness(mean);
         // Ascending nodes: those from a on.
         for (block, gradient) in out.iter_mut().zip(gradients).skip(a) {
-            *block = own * gradient.transpose();
+            *block = Matrix3::zeros();
+            add_dyad(block, &own, gradient);
         }
     }
 }

@@ -21,6 +21,7 @@ mod loads;
 mod mass;
 mod neo_hookean;
 mod polar;
+mod products;
 pub mod quadrature;
 mod quartic;
 mod rest_points;

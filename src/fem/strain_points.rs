@@ -11,6 +11,7 @@
 //! that it does not lock near ν = 1/2, has λ_q = 0 and a mean p for each constraint that it keeps.
 
 use super::lame::Lame;
+use super::products::{add_dyad, times};
 use super::stiffness::NodeFields;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -135,8 +136,11 @@ impl StrainPoints {
             let nodes = self.nodes_of(self.element_of(point));
             // Relative to corner 0, so that a body far from where it rested keeps its strain.
             let origin = at(nodes[0]);
-            let terms = nodes.iter().zip(self.gradients_at(point)).skip(1);
-            terms.map(|(&node, gradient)| (at(node) - origin) * gradient.transpose()).sum()
+            let mut sum = Matrix3::zeros();
+            for (&node, gradient) in nodes.iter().zip(self.gradients_at(point)).skip(1) {
+                add_dyad(&mut sum, &(at(node) - origin), gradient);
+            }
+            sum
         };
         (0..self.count()).into_par_iter().with_min_len(1024).map(gradient).collect()
     }
@@ -208,7 +212,7 @@ impl Means {
                 let slope = slopes[point as usize] * weight;
                 let slots = &self.slots[points.width * term..][..points.width];
                 for (&slot, gradient) in slots.iter().zip(points.gradients_at(point as usize)) {
-                    own[slot as usize] += slope * gradient;
+                    own[slot as usize] += times(&slope, gradient);
                 }
             }
         });

@@ -51,17 +51,22 @@ fn stress(h: &Matrix3<f64>, lame: Lame) -> Matrix3<f64> {
 fn tangent(h: &Matrix3<f64>, lame: Lame) -> Tangent {
     let (f, s) = (Matrix3::identity() + h, second_stress(h, lame));
     let left = f * f.transpose() * lame.mu;
-    Tangent::from_fn(|row, column| {
-        let ((i, j), (k, l)) = ((row % 3, row / 3), (column % 3, column / 3));
-        let mut c = lame.lambda * f[(i, j)] * f[(k, l)] + lame.mu * f[(i, l)] * f[(k, j)];
-        if j == l {
-            c += left[(i, k)];
+    let mut c = Tangent::zeros();
+    for (l, k) in (0..3).flat_map(|l| (0..3).map(move |k| (l, k))) {
+        let column = &mut c.data.0[3 * l + k];
+        for j in 0..3 {
+            for i in 0..3 {
+                column[3 * j + i] = lame.lambda * f[(i, j)] * f[(k, l)] + lame.mu * f[(i, l)] * f[(k, j)];
+            }
         }
-        if i == k {
-            c += s[(j, l)];
+        for i in 0..3 {
+            column[3 * l + i] += left[(i, k)];
         }
-        c
-    })
+        for j in 0..3 {
+            column[3 * j + k] += s[(j, l)];
+        }
+    }
+    c
 }
 
 #[cfg(test)]

@@ -4,18 +4,6 @@
 //! frame, in the order of their dependencies, and only where an input differs from what it was. The graph plays the part of
 //! Avango's marks of changed fields and of its evaluation loop (the paper, "Avango" and "Implementation in Avango").
 //!
-//! ```
-//! use greenstage::field::Graph;
-//! let mut graph = Graph::<()>::default();
-//! let turn = graph.field("stylus.turn", 0.0)?;
-//! let half = graph.field("body.turn", 0.0)?;
-//! graph.compute(half, "half", turn, |(), turn: &f64| 0.5 * turn)?;
-//! graph.set(turn, 1.0)?;
-//! graph.evaluate(&mut ());
-//! assert_eq!(*graph.get(half), 0.5);
-//! # Ok::<(), greenstage::field::FieldError>(())
-//! ```
-//!
 //! | part | rule |
 //! |---|---|
 //! | [`Graph::field`] | a name that is nobody else's, and a first value |
@@ -34,3 +22,21 @@ pub use graph::{Entry, FieldError, Graph};
 pub(crate) use input::value_types;
 pub use input::{Each, Field, Input, Value};
 pub use stream::{FieldState, LONGEST_LINE, StreamError, VERSION, read_line};
+
+#[cfg(test)]
+mod tests {
+    use super::{FieldError, Graph};
+
+    /// What a graph is: a field that is set, and one that a function makes of it.
+    #[test]
+    fn a_body_turns_by_half_the_turn_of_the_stylus() -> Result<(), FieldError> {
+        let mut graph = Graph::<()>::default();
+        let turn = graph.field("stylus.turn", 0.0)?;
+        let half = graph.field("body.turn", 0.0)?;
+        graph.compute(half, "half", turn, |(), turn: &f64| 0.5 * turn)?;
+        graph.set(turn, 1.0)?;
+        graph.evaluate(&mut ());
+        assert_eq!(*graph.get(half), 0.5);
+        Ok(())
+    }
+}

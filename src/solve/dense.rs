@@ -4,6 +4,7 @@
 //! not depend on the number of threads. Literature: Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.6
 //! (blocked Cholesky, looking left).
 
+use bytemuck::Zeroable;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{
     LltError, LltParams, LltRegularization, cholesky_in_place, cholesky_in_place_scratch,
@@ -18,7 +19,7 @@ use rayon::prelude::*;
 use std::ops::{AddAssign, SubAssign};
 
 /// f64, and f32 for preconditioners.
-pub(super) trait Real: RealField + Copy + AddAssign + SubAssign {
+pub(super) trait Real: RealField + Copy + AddAssign + SubAssign + Zeroable {
     fn from_f64(value: f64) -> Self;
     fn to_f64(self) -> f64;
 }

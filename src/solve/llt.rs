@@ -21,19 +21,26 @@ use std::time::Instant;
 const STRIP_NODES: std::ops::RangeInclusive<usize> = 8..=64;
 const STRIP_BYTES: usize = 64 << 20;
 
+/// Bytes below which the system is not asked what it leaves: its answer takes as long as a small body's factor.
+const UNASKED: f64 = 1e6;
+
 /// Whether a system has been solved in this process: the threads then own their buffers already.
 static BUFFERED: AtomicBool = AtomicBool::new(false);
 
 impl Analysis {
     /// Errors where they take more memory than is left.
     pub(super) fn fits<T: Real>(&self, a: &StiffnessMatrix, columns: usize) -> Result<(), SolveError> {
+        let memory = self.memory::<T>(a, columns);
+        if memory < UNASKED && BUFFERED.load(Relaxed) {
+            return Ok(());
+        }
         let entries = self.fronts.entries();
         let what = format!("a factor of {entries} numbers, with the solves for {columns} columns");
         // Every thread maps the buffers of its matrix products once: two of the size of the largest cache.
         let threads = if BUFFERED.load(Relaxed) { 0 } else { rayon::current_num_threads() + 1 };
         let buffers = (2 * threads) as f64 * machine::largest_cache();
         let fits = |need: f64| machine::fits(&what, need, buffers);
-        let Err(refused) = fits(self.memory::<T>(a, columns)) else { return Ok(()) };
+        let Err(refused) = fits(memory) else { return Ok(()) };
         let mut fitting = Vec::new();
         let half = self.memory::<f32>(a, columns);
         if size_of::<T>() > size_of::<f32>() && fits(half).is_ok() {

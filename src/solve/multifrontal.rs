@@ -105,12 +105,9 @@ pub(super) fn factorize<T: Real>(
     Ok(())
 }
 
-/// Allocates `count` zeros, if there is memory for them.
+/// Allocates `count` zeros, if there is memory for them: pages that the system has zeroed.
 pub(super) fn zeros<T: Real>(count: usize) -> Result<Vec<T>, Failure> {
-    let mut numbers = Vec::new();
-    numbers.try_reserve_exact(count).map_err(|_full| Failure::NoMemory)?;
-    numbers.par_extend(rayon::iter::repeat_n(T::from_f64(0.0), count));
-    Ok(numbers)
+    bytemuck::allocation::try_zeroed_vec(count).map_err(|()| Failure::NoMemory)
 }
 
 /// Factorizes a subtree on this thread, its numbers of L in `own`, and returns its root's update.
@@ -121,11 +118,7 @@ fn subtree<T: Real>(
     own: &mut [T],
 ) -> Result<Vec<T>, Failure> {
     let sizes = fronts.stacks(root);
-    let mut stacks: [Vec<T>; 2] = [Vec::new(), Vec::new()];
-    for (stack, &size) in stacks.iter_mut().zip(&sizes) {
-        stack.try_reserve_exact(size).map_err(|_full| Failure::NoMemory)?;
-        stack.resize(size, T::from_f64(0.0));
-    }
+    let mut stacks: [Vec<T>; 2] = [zeros(sizes[0])?, zeros(sizes[1])?];
     let mut ends = [0; 2];
     let (mut rest, mut result) = (own, Ok(()));
     fronts.walk(root, |s, stack| {
