@@ -21,6 +21,7 @@ pub mod edit_state;
 pub mod flight;
 pub mod flow;
 pub mod force;
+pub mod force_mark;
 pub mod force_scale;
 pub mod frame;
 pub mod hand;

@@ -46,7 +46,12 @@ impl Bar {
              place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n\
              control.base = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n{more}"
         );
-        let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
+        Bar::of(&text, hand)
+    }
+
+    /// A scene with a body and a tool on the stylus.
+    fn of(text: &str, hand: Hand) -> Bar {
+        let scene = Resolved::parse(text, Path::new("bar.toml")).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bar.green");
         green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
@@ -123,6 +128,48 @@ fn a_pressed_bar_pushes_the_hand_as_in_theory() {
     assert!((push.y / expected - 1.0).abs() < 0.02, "{push} N, theory {expected} N");
     // The bar slopes by 0.04 where it is pressed.
     assert!(push.x.abs() < 0.1 * expected && push.z.abs() < 1e-2 * expected, "{push}");
+}
+
+/// A blade that a hand pulls down through a block of 0.1 m × 0.06 m with 50 J/m²: 3 N in the mean, and the work of the cut; then up and down
+/// in the slit, and pressed on. The loop gives no energy.
+#[test]
+fn a_hand_feels_what_cutting_takes() {
+    let text = "[tool.scalpel]\nshape = { blade = { length = 0.2, width = 0.02 } }\nstylus = 1\n\
+                [body.b]\ngenerate = { block = { size = [0.3, 0.1, 0.06], cells = [17, 8, 6] } }\n\
+                material = { young = 1.0e6, poisson = 0.3 }\nelement = \"tet4\"\n\
+                effects = [\"haptics\", \"cut\"]\neffect.cut = { toughness = 50.0 }\n\
+                place = { position = [0.0, 0.0, 0.0], scale = 1.0 }\n\
+                control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                control.right = { nodes = { group = \"xmax\" }, grab = \"fixed\" }\n";
+    let mut bar = Bar::of(text, Hand::FIRM);
+    let at = |y: f64| V3::new(0.011, y, -0.1) - Bar::top();
+    bar.start(0.0);
+    (0..300).for_each(|_| drop(bar.tick(at(0.08))));
+    let way = |bar: &Bar| bar.device.device_from_handle.translation.y;
+    let (mut work, mut pushes, mut made, mut last) = (0.0, Vec::new(), 0.0_f64, way(&bar));
+    for tick in 0..1100 {
+        let push = bar.tick(at(0.08 - 1e-4 * f64::from(tick)));
+        work -= push.y * (way(&bar) - last);
+        last = way(&bar);
+        if (-0.02..0.02).contains(&last) {
+            pushes.push(push.y);
+        }
+        made = made.max(bar.device.push_work - bar.device.eaten);
+    }
+    let mean = pushes.iter().sum::<f64>() / pushes.len() as f64;
+    let expected = 50.0 * 0.06 * (0.05 - last);
+    let mut loosest = f64::MAX;
+    for tick in 0..2000 {
+        let push = bar.tick(at(-0.03 + 0.02 * (f64::from(tick) * 0.01).sin().abs()));
+        loosest = loosest.min(push.norm());
+        made = made.max(bar.device.push_work - bar.device.eaten);
+    }
+    println!(
+        "{mean} N of 3 N, {work} J of {expected} J, made {made:.1e} J, least {loosest:.1e} N in the slit"
+    );
+    assert!((mean / 3.0 - 1.0).abs() < 0.2, "{mean} N");
+    assert!((work / expected - 1.0).abs() < 0.2, "{work} J of {expected} J");
+    assert!(made < 1e-5 && loosest < 1e-2, "{made} J, {loosest} N");
 }
 
 /// Taps, shakes and rubs, on bodies that are felt as they are and on such as are too stiff: the loop never gives more than the device's

@@ -47,6 +47,26 @@ fn write(folder: &Path, lines: &[String]) {
     std::fs::write(folder.join("session.jsonl"), lines.join("\n") + "\n").unwrap();
 }
 
+/// The end of an organ is cut off, falls onto a table and is pushed aside: in a replay with one thread too.
+#[test]
+fn a_piece_that_falls_off_falls_again_in_a_replay() {
+    let folder = folder("replay-resect");
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs");
+    for part in ["scenes", "scripts"] {
+        std::fs::create_dir(folder.join(part)).unwrap();
+        let file = Path::new(part).join("resect.toml");
+        std::fs::copy(configs.join(&file), folder.join(&file)).unwrap();
+    }
+    let scene = "scenes/resect.toml";
+    let arguments =
+        ["render", scene, "-oout", "--frames=80", "--window-scale=0.05", "--record", "session.jsonl"];
+    let said = text(&run(&folder, 2, &arguments).stdout);
+    assert!(said.contains("J of work, 1 piece has fallen off"), "{said}");
+    let output = run(&folder, 1, &["view", scene, "--check", "--replay", "session.jsonl"]);
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(said.contains("frames, every one in the recorded state"), "{said}");
+}
+
 /// Two threads share one moved control element's columns at this body's 20,200 surface nodes.
 #[test]
 fn a_session_comes_to_the_same_state_in_every_frame_with_any_number_of_threads() {

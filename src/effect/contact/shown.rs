@@ -2,21 +2,14 @@
 
 use super::touch::{Contact, at_nodes, force_on_tool};
 use super::touched_body::TouchedBody;
-use crate::base::plates::{Anchor, Plate};
-use crate::base::quantity::quantity;
-use crate::interact::force_arrow;
-use crate::render::{Arrow, Drawable, Formed};
+use crate::render::{Drawable, Formed};
+use crate::world::force_mark::mark_force;
 use crate::world::tool::Tool;
 use crate::world::{Frame, World};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-/// Radius of an arrow's shaft and length of the longest arrow, against the workspace's radius.
-const SHAFT: f64 = 0.012;
-const LONGEST: f64 = 0.6;
 /// Part of a body's radius by which the pressed place yields where the arrow is longest.
 const FULL_AT: f64 = 0.1;
-/// Linear.
-const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 
 /// Tools and contacts of a frame.
 pub struct Shown<'a> {
@@ -80,19 +73,8 @@ impl<'a> Shown<'a> {
         world: &World,
         frame: &mut Frame,
     ) {
-        let radius_m = world.assets.stage.workspace.radius_m;
         let Some(place) = self.middle(contacts) else { return };
-        if let Some(arrow) = force_arrow(&place, &force, self.full_n(contacts, world), LONGEST * radius_m) {
-            frame.drawables.push(Drawable::Arrow(Arrow {
-                from: arrow.from.cast(),
-                along: arrow.along.cast(),
-                radius_m: (SHAFT * radius_m) as f32,
-                color: COLOR,
-                through: true,
-            }));
-        }
-        let words = format!("{name}: {}, error unknown", quantity(force.norm(), "N"));
-        frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
+        mark_force(name, (&place, &force), self.full_n(contacts, world), world, frame);
     }
 
     /// The force of the longest arrow: that at which the stiffest spot yields by a part of its body's radius.

@@ -81,6 +81,14 @@ pub struct Sweep {
     pub to: [V3; 2],
 }
 
+/// The way of a blade, by its number, and its pose at the end.
+#[derive(Clone, Copy, Debug)]
+pub struct Swept {
+    pub blade: usize,
+    pub room_from_blade: Isometry3<f64>,
+    pub sweep: Sweep,
+}
+
 impl Sweep {
     /// Corners of a box about it.
     pub fn low_and_high(&self) -> [V3; 2] {

@@ -306,7 +306,7 @@ fn what_nothing_holds_falls_off() {
     assert_eq!(first.pieces().len(), 1);
 }
 
-/// Without gravity it stays where it came off, with contact and gravity it lands on the floor.
+/// A piece without gravity stays where it came off; with contact and gravity it lands on the floor.
 #[test]
 fn what_falls_off_lands_on_the_floor() {
     let floor = "[tool.floor]\nshape = \"floor\"\nposition = [0.0, -0.1, 0.0]\n";

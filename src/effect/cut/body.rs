@@ -1,6 +1,6 @@
 //! A body that blades cut, from frame to frame: its steps, the one that is being worked out, and what can be taken back.
 
-use super::blade::Sweep;
+use super::blade::Swept;
 use super::fallen::{Fallen, Falling};
 use super::landing::Motion;
 use super::opened::{Cuttable, Moved, Shape, Tables};
@@ -10,7 +10,7 @@ use crate::deform::{AppliedLoads, Deformer, Pull};
 use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
 use crate::mesh::split::{CutEdges, Split};
 use crate::world::World;
-use nalgebra::{Isometry3, Point3, Similarity3, Vector3};
+use nalgebra::{Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -46,7 +46,7 @@ pub struct CutBody {
     /// Toughness, J/m², where the force of cutting is asked for, and the mean length of the mesh's edges, m.
     toughness: f64,
     length: f64,
-    /// Of each blade, where cutting takes force.
+    /// Resistance to each blade, where cutting takes force.
     pub resistances: Vec<Resistance>,
     /// Shape in the last frame.
     seen: Option<Seen>,
@@ -201,21 +201,21 @@ impl CutBody {
     }
 
     /// Cuts what blades have passed through since the last frame; what each of them has done. The error says why nothing is cut.
-    pub fn pass(&mut self, sweeps: &[Sweep], now: Seen) -> Result<Vec<Passed>, String> {
+    pub fn pass(&mut self, near: &[&Swept], now: Seen) -> Result<Vec<Passed>, String> {
         let before = self.seen.replace(now.clone()).unwrap_or_else(|| now.clone());
         let last = std::mem::replace(&mut self.last, self.state.moved.clone());
         // A cut that has opened moves what is not cut yet, too, and that through a blade.
         let has_opened = !Arc::ptr_eq(&last, &self.state.moved);
         let is_still = !has_opened && before == now;
-        if sweeps.is_empty() || (is_still && sweeps.iter().all(Sweep::is_still)) {
-            return Ok(vec![Passed::default(); sweeps.len()]);
+        if near.is_empty() || (is_still && near.iter().all(|swept| swept.sweep.is_still())) {
+            return Ok(vec![Passed::default(); near.len()]);
         }
         let from = self.places(&before, &last)?;
         let to = if is_still { from.clone() } else { self.places(&now, &self.state.moved)? };
         self.placed = Some((now, self.state.moved.clone(), to.clone()));
         let mut cut = std::mem::take(&mut self.cut);
         let mut all = Vec::new();
-        for sweep in sweeps {
+        for Swept { sweep, .. } in near {
             let mut passed = Passed::default();
             for (edge, share) in sweep.crossed(&self.edges, (&from, &to)) {
                 if cut.contains_key(&edge) || self.state.split.is_loose(edge[0]) {
@@ -241,19 +241,18 @@ impl CutBody {
         around.map(|tet| splitter.cut_area(*tet, cut)).sum()
     }
 
-    /// Takes what a blade has done in a frame in which it moved by so much in the room, and how to come from there to its axes.
-    pub fn resist(
-        &mut self,
-        blade: usize,
-        passed: &Passed,
-        moved: &V3,
-        room_from_blade: &Isometry3<f64>,
-        scale: f64,
-    ) {
-        let Some(resistance) = self.resistances.get_mut(blade) else { return };
-        let place = (passed.count > 0).then(|| Point3::from(passed.places / passed.count as f64));
-        let at = place.map(|place| room_from_blade.inverse_transform_point(&place).coords);
-        resistance.step(self.toughness * passed.area, at, &(moved / scale), self.length);
+    /// Takes what the blades near the body have done in a frame; all others have left it. `scale` is its size in the room against its own.
+    pub fn resist(&mut self, near: &[&Swept], passed: &[Passed], scale: f64) {
+        for (blade, resistance) in self.resistances.iter_mut().enumerate() {
+            let own = near.iter().zip(passed).find(|(swept, _)| swept.blade == blade);
+            let Some((swept, passed)) = own else {
+                resistance.leave();
+                continue;
+            };
+            let place = (passed.count > 0).then(|| Point3::from(passed.places / passed.count as f64));
+            let at = place.map(|place| swept.room_from_blade.inverse_transform_point(&place).coords);
+            resistance.step(self.toughness * passed.area, at, &(swept.sweep.moved() / scale), self.length);
+        }
     }
 
     /// Mean length of the edges of the mesh, m.
@@ -461,7 +460,8 @@ impl CutBody {
             }
         }
         self.undone = undone;
-        if !fallen.iter().map(|piece| piece.node).eq(self.fallen.iter().map(Fallen::node)) {
+        let is_known = fallen.iter().map(|piece| piece.node).eq(self.fallen.iter().map(Fallen::node));
+        if !is_known || !fallen.iter().all(|piece| piece.motion.is_finite()) {
             return Err(format!("body.{}: the pieces that have fallen off it are others", self.whole.name));
         }
         self.fallen.iter_mut().zip(fallen).for_each(|(own, piece)| own.motion = piece.motion);

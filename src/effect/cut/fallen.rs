@@ -11,7 +11,7 @@ use crate::mesh::split::{CutEdges, CutPoint, CutSurface, LoosePart, Split};
 use crate::render::GhostShape;
 use crate::scene::CREASE;
 use crate::world::flight::RigidInertia;
-use nalgebra::{Isometry3, Matrix3, Point3, Similarity3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Rotation3, Similarity3, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ const LONGEST_S: f64 = 0.1;
 
 /// A piece that has fallen off.
 pub struct Fallen {
-    /// Its nodes of the mesh, ascending; it is known by the first.
+    /// Nodes of the mesh that it has, ascending; it is known by the first.
     pub nodes: Vec<u32>,
     drawn: Arc<GhostShape>,
     /// Rest place of its middle about the body's centre, m.
@@ -33,7 +33,7 @@ pub struct Fallen {
     pub motion: Motion,
 }
 
-/// What moves pieces in a frame.
+/// Everything that moves pieces in a frame.
 pub struct Falling<'a> {
     pub dt_s: f64,
     /// Acceleration in the room, m/s²; `None` where the body has no gravity, and what comes off stays where it is.
@@ -92,12 +92,13 @@ impl Fallen {
         Fallen { nodes, drawn, middle, solid: Solid { corners, inertia }, motion }
     }
 
-    /// kg; 0 without gravity.
+    /// Mass, kg; 0 without gravity.
     #[cfg(test)]
     pub fn mass(&self) -> f64 {
         self.solid.inertia.map_or(0.0, |inertia| inertia.mass)
     }
 
+    /// The node by which it is known.
     pub fn node(&self) -> u32 {
         self.nodes.first().copied().unwrap_or(u32::MAX)
     }
@@ -112,13 +113,9 @@ impl Fallen {
         let axes = room_from_columns.isometry.rotation;
         let spread: Matrix3<f64> =
             places.iter().map(|(x, y)| (y / scale - room) * (x - rest).transpose()).sum();
-        let part = AXES * spread.norm().max(f64::MIN_POSITIVE);
-        let turn = UnitQuaternion::from_matrix_eps(
-            &nearest_turn(&(spread + axes.to_rotation_matrix().matrix() * part)),
-            1e-15,
-            100,
-            axes,
-        );
+        let part = if spread.norm() > 0.0 { AXES * spread.norm() } else { 1.0 };
+        let nearest = nearest_turn(&(spread + axes.to_rotation_matrix().matrix() * part));
+        let turn = nearest.map_or(axes, |nearest| UnitQuaternion::from_rotation_matrix(&nearest));
         let place = match places.is_empty() {
             true => (room_from_columns * Point3::from(self.middle)).coords / scale,
             false => room + turn * (self.middle - rest),
@@ -131,28 +128,28 @@ impl Fallen {
         let (Some(gravity), dt_s) = (falling.gravity, falling.dt_s.min(LONGEST_S)) else { return };
         if self.solid.inertia.is_some() && dt_s > 0.0 {
             let after = self.solid.moved(&self.motion, &gravity, (falling.obstacles, falling.scale), dt_s);
-            if after.pose.translation.vector.iter().chain(after.spin.iter()).all(|x| x.is_finite()) {
+            if after.is_finite() {
                 self.motion = after;
             }
         }
     }
 
-    /// Its surface, and room_from_shape.
-    pub fn drawn(&self, scale: f64) -> (Arc<GhostShape>, nalgebra::Matrix4<f32>) {
+    /// Surface, and room_from_shape.
+    pub fn drawn(&self, scale: f64) -> (Arc<GhostShape>, Matrix4<f32>) {
         let Isometry3 { translation, rotation } = self.motion.pose;
         let room_from_shape = Similarity3::from_parts((translation.vector * scale).into(), rotation, scale);
         (self.drawn.clone(), room_from_shape.to_homogeneous().cast())
     }
 }
 
-/// The rotation next to a matrix.
-fn nearest_turn(matrix: &Matrix3<f64>) -> Matrix3<f64> {
-    let svd = matrix.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Matrix3::identity() };
+/// The rotation next to a matrix; `None` where a number of it is none.
+fn nearest_turn(matrix: &Matrix3<f64>) -> Option<Rotation3<f64>> {
+    let svd = matrix.iter().all(|x| x.is_finite()).then(|| matrix.svd(true, true))?;
+    let (u, v_t) = svd.u.zip(svd.v_t)?;
     // The singular values stand in no order: the least one belongs to the direction that is turned over.
     let mut signs = V3::repeat(1.0);
     signs[svd.singular_values.imin()] = (u * v_t).determinant().signum();
-    u * Matrix3::from_diagonal(&signs) * v_t
+    Some(Rotation3::from_matrix_unchecked(u * Matrix3::from_diagonal(&signs) * v_t))
 }
 
 /// The middle of a closed surface, and the inertia of a body of this mass that fills it evenly, about its middle; `None` without mass or
@@ -205,4 +202,53 @@ fn shape(corners: &[V3], triangles: &[[u32; 3]]) -> GhostShape {
         shape.triangles.push([first, first + 1, first + 2]);
     }
     shape
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Block, Surface, block};
+
+    /// A block off the origin: m (b² + c²)/12 about its middle.
+    #[test]
+    fn a_block_has_the_moments_of_a_cuboid() {
+        let size = [0.3, 0.1, 0.06];
+        let mesh = block(&Block { size, cells: [2, 1, 3] }).unwrap();
+        let corners: Vec<V3> = mesh.nodes.iter().map(|x| x + V3::new(3.0, -1.0, 2.0)).collect();
+        let surface = Surface::from_mesh(&mesh);
+        let global = |triangle: &[u32; 3]| triangle.map(|corner| surface.nodes[corner as usize]);
+        let triangles: Vec<[u32; 3]> = surface.triangles.iter().map(global).collect();
+        let (middle, inertia) = inertia_of(&corners, &triangles, 1.2);
+        let expected = corners.iter().sum::<V3>() / corners.len() as f64;
+        let [a, b, c] = size.map(|side| side * side * 1.2 / 12.0);
+        let moments = Matrix3::from_diagonal(&V3::new(b + c, a + c, a + b));
+        let off = (inertia.unwrap().moments - moments).amax() / moments.amax();
+        assert!((middle - expected).norm() < 1e-13 && off < 1e-12, "{middle}, {off:e}");
+    }
+
+    /// Nodes of a piece that has turned and shifted, and a single node, which goes with the body's axes.
+    #[test]
+    fn a_piece_comes_off_where_its_nodes_were() {
+        let axes = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3);
+        let room_from_columns = Similarity3::from_parts(V3::new(1.0, 2.0, 3.0).into(), axes, 2.0);
+        let turn = UnitQuaternion::from_euler_angles(-0.4, 2.0, 0.5);
+        let rest = [V3::x(), V3::y(), V3::z(), V3::zeros()];
+        let solid = || Solid { corners: Vec::new(), inertia: None };
+        let drawn = Arc::new(shape(&[], &[]));
+        let motion = Motion::at_rest(Isometry3::identity());
+        let middle = V3::new(0.2, 0.3, 0.1);
+        for (count, expected) in [(4, turn), (1, axes)] {
+            let mut piece =
+                Fallen { nodes: Vec::new(), drawn: drawn.clone(), middle, solid: solid(), motion };
+            let shift = V3::new(0.5, 0.0, -0.5);
+            let places: Vec<(V3, V3)> =
+                rest.iter().take(count).map(|x| (*x, (turn * x + shift) * 2.0)).collect();
+            piece.put(&places, &room_from_columns);
+            let Isometry3 { translation, rotation } = piece.motion.pose;
+            assert!(rotation.angle_to(&expected) < 1e-5, "{count}: {rotation}");
+            let [rest, room] = [places[0].0, places[0].1 / 2.0];
+            let place = room + expected * (middle - rest);
+            assert!((translation.vector - place).norm() < 1e-5, "{count}: {translation}");
+        }
+    }
 }

@@ -29,11 +29,11 @@ const MOST: usize = 32;
 const SLACK: f64 = 1e-4;
 const OUTWARD: usize = 4;
 
-/// Where a piece is, in the room, with lengths and speeds as the body has them.
+/// Pose and velocity of a piece in the room, with lengths and speeds as the body has them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Of its centre of mass.
+    /// Pose of its centre of mass.
     #[serde(with = "crate::field::numbers")]
     pub pose: Isometry3<f64>,
     /// m/s and rad/s.
@@ -46,6 +46,13 @@ pub struct Motion {
 impl Motion {
     pub fn at_rest(pose: Isometry3<f64>) -> Motion {
         Motion { pose, velocity: V3::zeros(), spin: V3::zeros() }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        let Motion { pose, velocity, spin } = self;
+        let vectors = [&pose.translation.vector, velocity, spin];
+        vectors.iter().all(|v| v.iter().all(|x| x.is_finite()))
+            && pose.rotation.coords.iter().all(|x| x.is_finite())
     }
 }
 
@@ -66,12 +73,12 @@ pub struct Obstacle<'a> {
 
 /// A corner that a tool can be met with.
 struct Meeting {
-    /// From the centre of mass.
+    /// Place from the centre of mass.
     arm: V3,
     normal: V3,
     /// m.
     distance: f64,
-    /// Of the tool there, m/s.
+    /// Velocity of the tool there, m/s.
     velocity: V3,
     friction: f64,
     impulse: V3,
@@ -330,7 +337,7 @@ mod tests {
         }
     }
 
-    /// At 40 m/s it is a meter below the floor in two frames, but it stops there.
+    /// A brick at 40 m/s would be a meter below the floor in two frames, but it stops there.
     #[test]
     fn nothing_is_passed_within_a_frame() {
         let start = Motion { velocity: V3::new(0.0, -40.0, 0.0), ..lying(0.0) };

@@ -25,6 +25,7 @@ mod solves;
 mod system;
 #[cfg(test)]
 mod tests;
+mod weight;
 mod yielding;
 
 use super::entry::EffectEntry;

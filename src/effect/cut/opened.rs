@@ -61,7 +61,7 @@ pub struct Tables {
 pub struct Cuttable {
     pub splitter: Splitter,
     lame: Vec<Lame>,
-    density: Vec<f64>,
+    pub(super) density: Vec<f64>,
     /// Control element that holds each node.
     held: Vec<Option<usize>>,
     /// Node of the mesh of each node of the surface.
@@ -70,16 +70,16 @@ pub struct Cuttable {
     surface_of: Vec<Option<u32>>,
     /// Mesh coordinates of the origin of the .green file's lengths, m.
     pub centre: V3,
-    partition: Partition,
+    pub(super) partition: Partition,
     /// Place of each node among the free ones.
-    free_at: Arc<Vec<Option<u32>>>,
-    fields: Arc<PointFields>,
+    pub(super) free_at: Arc<Vec<Option<u32>>>,
+    pub(super) fields: Arc<PointFields>,
     /// U and the columns of gravity over all nodes, once they are needed first.
     whole: OnceLock<Arc<NodeFields>>,
     /// Their right-hand sides.
     loads: NodeFields,
     prescribed: NodeFields,
-    tables: Tables,
+    pub(super) tables: Tables,
 }
 
 /// Data on the copies of a cut.
@@ -199,63 +199,6 @@ impl Cuttable {
         let mut fields = self.prescribed.clone();
         self.partition.insert_free(&free, &mut fields);
         Ok(self.whole.get_or_init(|| Arc::new(fields)))
-    }
-
-    /// The same without these masses at nodes.
-    fn whole_without(&self, lost: &BTreeMap<u32, f64>) -> Result<Arc<NodeFields>, String> {
-        let whole = self.whole()?.clone();
-        let affine = self.tables.stiffness.nrows();
-        let free_at = |(node, mass): (&u32, &f64)| Some((self.free_at[*node as usize]?, *mass));
-        let loaded: Vec<(u32, f64)> = lost.iter().filter_map(free_at).collect();
-        if loaded.is_empty() {
-            return Ok(whole);
-        }
-        let mut b = NodeFields::zeros(loaded.len(), 3);
-        for (at, (_, mass)) in loaded.iter().enumerate() {
-            (0..3).for_each(|axis| b.row_mut(3 * at + axis)[axis] = *mass);
-        }
-        let x = self.fields.solve_at(loaded.into_iter().map(|(free, _)| free).collect(), b)?;
-        let mut fields = NodeFields::clone(&whole);
-        for (at, node) in self.partition.free.iter().enumerate() {
-            for axis in 0..3 {
-                let own = &mut fields.row_mut(3 * *node as usize + axis)[affine..];
-                own.iter_mut().zip(x.row(3 * at + axis)).for_each(|(own, x)| *own -= x);
-            }
-        }
-        Ok(Arc::new(fields))
-    }
-
-    /// Tables of gravity without these masses at nodes, and what their moments lose: UᵀF, FᵀG and 12 × 3. In: the fields with and without them.
-    fn weight_without(
-        &self,
-        lost: &BTreeMap<u32, f64>,
-        [whole, without]: [&NodeFields; 2],
-    ) -> Option<[DMatrix<f64>; 3]> {
-        let [mut reaction, mut compliance] = self.tables.weight.clone()?;
-        let (affine, mut moments) = (reaction.nrows(), DMatrix::zeros(12, 3));
-        for (node, mass) in lost {
-            let x = self.splitter.mesh.nodes[*node as usize] - self.centre;
-            for axis in 0..3 {
-                let row = 3 * *node as usize + axis;
-                for (k, u) in whole.row(row)[..affine].iter().enumerate() {
-                    reaction[(k, axis)] -= mass * u;
-                }
-                for k in 0..3 {
-                    compliance[(k, axis)] -= mass * whole.row(row)[affine + k];
-                    compliance[(axis, k)] -= mass * without.row(row)[affine + k];
-                    moments[(3 + 3 * axis + k, axis)] += mass * x[k];
-                }
-                moments[(axis, axis)] += mass;
-            }
-        }
-        Some([reaction, compliance, moments])
-    }
-
-    /// Mass of a tetrahedron, kg; 0 where nothing is heavy.
-    pub fn mass(&self, tet: u32) -> f64 {
-        let [a, b, c, d] = self.splitter.mesh.corners(tet as usize);
-        let volume = (b - a).cross(&(c - a)).dot(&(d - a)).abs() / 6.0;
-        self.density.get(tet as usize).map_or(0.0, |density| density * volume)
     }
 
     /// Frames in which a step of a cut with so many edges is worked out in the background: as many as that should take, and the same in a

@@ -29,12 +29,12 @@ pub struct Resistance {
     /// Direction of the cut in the room.
     #[serde(with = "crate::field::numbers")]
     along: V3,
-    /// Where the blade is resisted, in its own axes, m.
+    /// Place where the blade is resisted, in its own axes, m.
     #[serde(with = "crate::field::numbers")]
     at: V3,
 }
 
-/// What a blade did in a frame.
+/// The work of a blade in a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Passed {
     /// Area that it cut, m².
@@ -84,7 +84,7 @@ impl Resistance {
         self.limit * (self.pressed / length).max(0.0)
     }
 
-    /// By how far the blade has gone back from what it has not cut, m.
+    /// Distance by which the blade has gone back from what it has not cut, m.
     pub fn gap(&self) -> f64 {
         (-self.pressed).max(0.0)
     }

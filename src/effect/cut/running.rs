@@ -1,6 +1,6 @@
 //! The effect in a world: blades, and the bodies that they cut, from frame to frame.
 
-use super::blade::{Blade, Sweep};
+use super::blade::{Blade, Sweep, Swept};
 use super::body::{BodyMemory, CutBody, Seen};
 use super::fallen::Falling;
 use super::landing::Obstacle;
@@ -131,6 +131,19 @@ fn is_near(sweep: &Sweep, body: &PlacedBody) -> bool {
 }
 
 impl Cuts {
+    /// The ways of the blades since the last frame.
+    fn sweep(&mut self, world: &World) -> Vec<Swept> {
+        let poses: Vec<_> = self.blades.iter().map(|blade| blade.place.pose(world)).collect();
+        let way = |blade: usize| {
+            let (last, now) = self.last[blade].zip(poses[blade])?;
+            let [from, to] = [last, now].map(|pose| self.blades[blade].edge(&pose));
+            Some(Swept { blade, room_from_blade: now, sweep: Sweep { from, to } })
+        };
+        let swept = (0..poses.len()).filter_map(way).collect();
+        self.last = poses;
+        swept
+    }
+
     /// Moves pieces that have fallen off on to this frame.
     fn let_fall(&mut self, world: &World) {
         let now_s = Some(*world.graph.get(world.fields.time)).filter(|now| now.is_finite());
@@ -174,31 +187,17 @@ impl RunningEffect for Cuts {
         _inertias: &mut [&mut dyn Inertia],
     ) {
         self.warnings.clear();
-        let poses: Vec<_> = self.blades.iter().map(|blade| blade.place.pose(world)).collect();
-        let mut sweeps = Vec::new();
-        for (number, (blade, (last, now))) in self.blades.iter().zip(self.last.iter().zip(&poses)).enumerate()
-        {
-            let Some((last, now)) = last.as_ref().zip(now.as_ref()) else { continue };
-            sweeps.push((number, *now, Sweep { from: blade.edge(last), to: blade.edge(now) }));
-        }
-        self.last = poses;
+        let swept = self.sweep(world);
         self.let_fall(world);
         let shapes: Vec<Seen> = self.bodies.iter_mut().map(|body| body.see(world)).collect();
         let arrived: Vec<_> = self.bodies.iter_mut().map(CutBody::arrive).collect();
         let is_over = self.quiet == QUIET && self.bodies.iter().all(CutBody::is_idle);
         for ((body, now), arrived) in self.bodies.iter_mut().zip(shapes).zip(arrived) {
             let placed = &world.bodies[body.b];
-            let near: Vec<_> = sweeps.iter().filter(|(.., sweep)| is_near(sweep, placed)).collect();
-            let ways: Vec<Sweep> = near.iter().map(|(.., sweep)| *sweep).collect();
-            let passed = body.pass(&ways, now);
-            for blade in 0..body.resistances.len() {
-                match near.iter().zip(passed.iter().flatten()).find(|((number, ..), _)| *number == blade) {
-                    Some(((_, pose, sweep), passed)) => {
-                        body.resist(blade, passed, &sweep.moved(), pose, placed.room_from_body.scaling());
-                    }
-                    None => body.resistances[blade].leave(),
-                }
-            }
+            let near: Vec<&Swept> = swept.iter().filter(|swept| is_near(&swept.sweep, placed)).collect();
+            let passed = body.pass(&near, now);
+            let done = passed.as_deref().unwrap_or_default();
+            body.resist(&near, done, placed.room_from_body.scaling());
             for message in [arrived, passed.map(drop)].into_iter().filter_map(Result::err) {
                 let name = &body.whole.name;
                 self.warnings.push(format!("body.{name}: what a blade passes here stays uncut: {message}"));

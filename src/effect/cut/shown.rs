@@ -3,20 +3,11 @@
 use super::blade::Blade;
 use super::body::CutBody;
 use super::resistance::Resistance;
-use crate::base::plates::{Anchor, Plate};
-use crate::base::quantity::quantity;
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
-use crate::interact::force_arrow;
-use crate::render::{Arrow, Drawable};
 use crate::track::usable;
+use crate::world::force_mark::mark_force;
 use crate::world::{Frame, World};
 use nalgebra::{Isometry3, Matrix3, Point3};
-
-/// Radius of an arrow's shaft and length of the longest arrow, against the workspace's radius.
-const SHAFT: f64 = 0.012;
-const LONGEST: f64 = 0.6;
-/// Linear.
-const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 
 /// Adds the force on a blade. The longest arrow is that of a blade whose whole edge cuts.
 pub fn force(
@@ -34,18 +25,7 @@ pub fn force(
         }
         let place = pose * Point3::from(*resistance.at());
         let full = body.toughness() * blade.length() / scale;
-        let radius_m = world.assets.stage.workspace.radius_m;
-        if let Some(arrow) = force_arrow(&place, &(-resistance.along() * force), full, LONGEST * radius_m) {
-            frame.drawables.push(Drawable::Arrow(Arrow {
-                from: arrow.from.cast(),
-                along: arrow.along.cast(),
-                radius_m: (SHAFT * radius_m) as f32,
-                color: COLOR,
-                through: true,
-            }));
-        }
-        let words = format!("{}: {}, error unknown", blade.name, quantity(force, "N"));
-        frame.drawables.push(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
+        mark_force(&blade.name, (&place, &(-resistance.along() * force)), full, world, frame);
     }
 }
 

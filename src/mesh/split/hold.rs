@@ -14,11 +14,11 @@ const HOLDING: usize = 3;
 /// A part of a mesh in pieces with which nothing else moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoosePart {
-    /// Its whole tetrahedra.
+    /// Whole tetrahedra.
     pub tets: Vec<u32>,
-    /// Its pieces, by their numbers.
+    /// Numbers of its pieces.
     pub pieces: Vec<usize>,
-    /// Its nodes and copies, ascending.
+    /// Nodes and copies, ascending.
     pub nodes: Vec<u32>,
 }
 

@@ -120,7 +120,7 @@ impl Splitter {
         group
     }
 
-    /// Where all four corners of a tetrahedron are cut off, the one with which the middle goes: the one that would be the largest.
+    /// The corner of a tetrahedron with which the middle goes where all four are cut off: the one that would be the largest.
     pub(super) fn middle_of(&self, tet: u32, group: &[usize; 4], cut: &CutEdges) -> Option<usize> {
         let nodes = self.mesh.tets[tet as usize];
         let size = |a: &usize| -> f64 {
