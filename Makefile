@@ -21,7 +21,7 @@ test:
 	@sh scripts/test.sh
 
 one:
-	CARGO_INCREMENTAL=1 cargo test --profile quick --config profile.quick.package.greenstage.codegen-units=256 --locked --lib -- $(T)
+	CARGO_INCREMENTAL=1 cargo test --profile quick --locked --lib -- $(T)
 
 # Man pages and shell completions, into target/package.
 man:
