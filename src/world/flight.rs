@@ -8,8 +8,7 @@
 //! ```
 //!
 //! which keeps energy and the angular momentum R l in space, both to rounding, for every length of step (J. Simo and K. Wong,
-//! Unconditionally stable algorithms for rigid body dynamics that exactly preserve energy and momentum, Int. J. Numer. Methods Eng. 31,
-//! 1991, 19-52). A torque acts in halves, at both ends of the step.
+//! Int. J. Numer. Methods Eng. 31, 1991, 19-52). A torque acts in halves, at both ends of the step.
 
 use nalgebra::{DMatrix, Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 

@@ -4,23 +4,12 @@
 //! nor three nodes in common with a part that is held; a part on a single node or on an edge could turn about it freely. They get nodes
 //! of their own wherever they would hang on others.
 
-use super::pieces::{Piece, Split, Splitter};
+use super::pieces::{LoosePart, Piece, Split, Splitter};
 use crate::base::disjoint::DisjointSets;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Number of nodes that hold a part.
 const HOLDING: usize = 3;
-
-/// A part of a mesh in pieces with which nothing else moves.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LoosePart {
-    /// Whole tetrahedra.
-    pub tets: Vec<u32>,
-    /// Numbers of its pieces.
-    pub pieces: Vec<usize>,
-    /// Nodes and copies, ascending.
-    pub nodes: Vec<u32>,
-}
 
 impl Splitter {
     /// Finds the parts that nothing holds, and parts them from all others.

@@ -18,6 +18,5 @@ mod surface;
 mod tests;
 
 pub use edges::{CutEdges, edge};
-pub use hold::LoosePart;
-pub use pieces::{Piece, Split, Splitter};
+pub use pieces::{LoosePart, Piece, Split, Splitter};
 pub use surface::{CutPoint, CutSurface};

@@ -2,7 +2,6 @@
 
 use super::edges::{CutEdges, edge, share};
 use super::groups::{PAIRS, is_single, pairs};
-use super::hold::LoosePart;
 use crate::base::disjoint::DisjointSets;
 use crate::mesh::surface::sorted_faces;
 use crate::mesh::tet_mesh::{FACES, TetMesh};
@@ -43,6 +42,17 @@ impl Piece {
     pub fn volume(&self) -> f64 {
         self.shares.iter().sum()
     }
+}
+
+/// A part of a mesh in pieces with which nothing else moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoosePart {
+    /// Whole tetrahedra.
+    pub tets: Vec<u32>,
+    /// Numbers of its pieces.
+    pub pieces: Vec<usize>,
+    /// Nodes and copies, ascending.
+    pub nodes: Vec<u32>,
 }
 
 /// A mesh that has fallen into pieces.
