@@ -8,12 +8,16 @@
 //! ```
 //!
 //! so that the force is steady where the cut is, and the work of a whole cut is toughness times area (A. Atkins, The Science and Engineering
-//! of Cutting, 2009, chapter 2). A blade that goes back is relieved within l, and is pressed again where it comes to what it has not cut.
+//! of Cutting, 2009, chapter 2). A blade that goes back is relieved within l/8, and is pressed again where it comes to what it has not cut. The
+//! force on it never jumps up: a hand that presses does the work of every rise.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 type V3 = Vector3<f64>;
+
+/// Part of l within which a blade is relieved.
+pub const RELIEVED: f64 = 0.125;
 
 /// The resistance of a body to a blade.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -24,7 +28,7 @@ pub struct Resistance {
     done: f64,
     /// Force at which the body yields, N.
     limit: f64,
-    /// Way by which the edge is pressed into what is not cut, up to the length of an edge of the mesh, m; negative where it has gone back.
+    /// Way by which the edge is pressed into what is not cut, up to l/8, m; negative where it has gone back.
     pressed: f64,
     /// Direction of the cut in the room.
     #[serde(with = "crate::field::numbers")]
@@ -49,18 +53,20 @@ impl Resistance {
     pub fn step(&mut self, work: f64, at: Option<V3>, moved: &V3, length: f64) {
         if let Some((at, along)) = at.filter(|_| work > 0.0).zip(moved.try_normalize(0.0)) {
             (self.at, self.along) = (at, along);
-            self.pressed = length;
+            self.pressed = self.pressed.max(0.0);
         }
         self.due += work;
-        let way = self.along.dot(moved);
-        let further = self.pressed + way - length;
-        self.pressed = (self.pressed + way).min(length);
+        let (full, way) = (RELIEVED * length, self.along.dot(moved));
         // Only what goes beyond what was cut does work.
-        let way = further.min(way);
-        if way > 0.0 && self.due > 0.0 {
-            let done = self.due * -(-way / length).exp_m1();
-            self.limit = done / way;
-            (self.due, self.done) = (self.due - done, self.done + done);
+        let beyond = (self.pressed + way - full).clamp(0.0, way.max(0.0));
+        self.pressed = (self.pressed + way).min(full);
+        let force = self.force(length);
+        let done = self.due * -(-beyond / length).exp_m1();
+        self.limit = if beyond > 0.0 { done / beyond } else { self.due / length };
+        (self.due, self.done) = (self.due - done, self.done + done);
+        // Where the body resists more than before, it is pressed more before it yields.
+        if self.pressed > 0.0 && self.limit > 0.0 {
+            self.pressed = full * (force / self.limit).min(1.0);
         }
     }
 
@@ -81,7 +87,7 @@ impl Resistance {
 
     /// Force along the direction of the cut with which the blade presses the body, N.
     pub fn force(&self, length: f64) -> f64 {
-        self.limit * (self.pressed / length).max(0.0)
+        self.limit * (self.pressed / (RELIEVED * length)).max(0.0)
     }
 
     /// Distance by which the blade has gone back from what it has not cut, m.
@@ -121,13 +127,15 @@ mod tests {
         println!("{least} to {most} N of {per_length}, {done} J");
         assert!(least > 0.6 * per_length && most < 1.6 * per_length);
         assert!((done - per_length * 0.1).abs() < 1e-12);
-        let (full, work) = (resistance.force(length), resistance.work());
+        let (force, work) = (resistance.force(length), resistance.work());
         let back = |resistance: &mut Resistance, by: f64| resistance.step(0.0, None, &(V3::x() * by), length);
-        back(&mut resistance, -0.5 * length);
-        assert!((resistance.force(length) - 0.5 * full).abs() < 1e-12);
+        let by = -0.5 * resistance.pressed;
+        back(&mut resistance, by);
+        assert!((resistance.force(length) - 0.5 * force).abs() < 1e-12);
+        let here = resistance.pressed;
         back(&mut resistance, -4.0 * length);
-        assert!(resistance.force(length) == 0.0 && (resistance.gap() - 3.5 * length).abs() < 1e-12);
-        back(&mut resistance, 4.5 * length);
-        assert!((resistance.force(length) - full).abs() < 1e-9 && resistance.work() == work);
+        assert!(resistance.force(length) == 0.0 && (resistance.gap() - 4.0 * length + here).abs() < 1e-12);
+        back(&mut resistance, 4.0 * length);
+        assert!((resistance.force(length) - 0.5 * force).abs() < 1e-9 && resistance.work() == work);
     }
 }

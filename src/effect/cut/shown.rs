@@ -2,7 +2,7 @@
 
 use super::blade::Blade;
 use super::body::CutBody;
-use super::resistance::Resistance;
+use super::resistance::{RELIEVED, Resistance};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::track::usable;
 use crate::world::force_mark::mark_force;
@@ -46,8 +46,7 @@ pub fn carried<'a>(blades: &'a [Blade], world: &'a World) -> impl Iterator<Item 
     })
 }
 
-/// The resistance as a hand feels it until the next frame: it is pressed out within the length of an edge of the mesh, and yields at its
-/// limit. `scale` is the size of the body in the room against its own.
+/// The resistance as a hand feels it until the next frame: it is relieved as it is in frames, and yields at its limit. `scale` is the size of the body in the room against its own.
 pub fn touch(body: &CutBody, resistance: &Resistance, carried: Carried, scale: f64) -> TouchPotential {
     let (_, stylus, [room_from_stylus, room_from_blade]) = carried;
     let (limit, length) = (resistance.limit(), body.length());
@@ -60,6 +59,6 @@ pub fn touch(body: &CutBody, resistance: &Resistance, carried: Carried, scale: f
         limit,
     };
     let points = if limit > 0.0 { &[point][..] } else { &[] };
-    let soft = Matrix3::from_diagonal_element(length * scale / limit);
+    let soft = Matrix3::from_diagonal_element(RELIEVED * length * scale / limit);
     TouchPotential::new((stylus, room_from_stylus, room_from_blade), points, &|_, _| soft)
 }
