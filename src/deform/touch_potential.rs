@@ -429,7 +429,7 @@ mod tests {
         f.iter().map(|f| V3::x() * *f).collect()
     }
 
-    /// What yields at 2 N: pressed by the frame up to there, the force stays at 2 N farther in and falls where the tool goes back; it is the
+    /// A point that yields at 2 N: pressed by the frame up to there, the force stays at 2 N farther in and falls where the tool goes back; it is the
     /// slope of the energy, through the spring of a softened touch as well.
     #[test]
     fn what_breaks_gives_no_more_force() {

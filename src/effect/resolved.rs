@@ -208,9 +208,9 @@ impl ResolvedBody {
         self.entries().any(|entry| entry == effect)
     }
 
-    /// The settings of an effect that the body lists, as the scene has them or by default.
-    pub fn settings<T: 'static>(&self, effect: &EffectEntry) -> Option<&T> {
-        let listed = self.effects.iter().find(|listed| listed.entry == effect)?;
+    /// The settings of the effect of this name that the body lists, as the scene has them or by default.
+    pub fn settings<T: 'static>(&self, effect: &str) -> Option<&T> {
+        let listed = self.effects.iter().find(|listed| listed.entry.name == effect)?;
         listed.settings.as_ref()?.downcast_ref()
     }
 

@@ -27,7 +27,7 @@ pub use stream::{FieldState, LONGEST_LINE, StreamError, VERSION, read_line};
 mod tests {
     use super::{FieldError, Graph};
 
-    /// What a graph is: a field that is set, and one that a function makes of it.
+    /// A field that is set, and one that a function makes of it.
     #[test]
     fn a_body_turns_by_half_the_turn_of_the_stylus() -> Result<(), FieldError> {
         let mut graph = Graph::<()>::default();

@@ -4,7 +4,7 @@ use super::frame::Frame;
 use super::running::World;
 use crate::render::Drawable;
 use crate::scene::Tool;
-use crate::stage::Workspace;
+use crate::stage::{Stage, Workspace};
 use crate::track::{StylusState, usable};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -40,6 +40,18 @@ impl ToolPlace {
     pub fn carrier<'a>(&self, world: &'a World) -> Option<&'a StylusState> {
         let fields = world.fields.styli.get(self.stylus?)?;
         world.graph.get(fields.stylus).as_ref()
+    }
+
+    /// Whether a force device of the stage moves the stylus that carries it.
+    pub fn has_device(&self, stage: &Stage) -> bool {
+        let name = self.stylus.and_then(|stylus| stage.tracking.stylus_names().get(stylus).cloned());
+        name.is_some_and(|name| stage.haptics.iter().any(|device| device.stylus == name))
+    }
+
+    /// The stylus that carries it, and room_from_stylus, where the hand is where the tool is: the mouse's stylus starts at the eye.
+    pub fn in_hand(&self, world: &World) -> Option<(usize, Isometry3<f64>)> {
+        let carrier = self.carrier(world).filter(|stylus| !stylus.from_eye)?;
+        Some((self.stylus?, usable(&carrier.room_from_stylus)?))
     }
 
     /// Warning that the stylus of the tool of this name has not been seen in so many seconds; `None` of a tool that stands in the room.

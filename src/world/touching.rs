@@ -3,20 +3,17 @@
 //! In: [`Touches`] of a frame. Out: a ball, an arrow and the newtons of each touched point; fields that are set.
 
 use super::body::PlacedBody;
+use super::force_mark::{COLOR, mark_force};
 use super::running::World;
 use super::touch::{Touch, Touches};
 use crate::base::plates::{Anchor, Plate};
 use crate::base::quantity::quantity;
-use crate::interact::{SurfaceGrip, force_arrow};
-use crate::render::{Arrow, Ball, Drawable};
+use crate::interact::SurfaceGrip;
+use crate::render::{Ball, Drawable};
 use nalgebra::Point3;
 
-/// Radius of the ball at a touched point and of its arrow's shaft, and the longest arrow, against the workspace's radius.
+/// Radius of the ball at a touched point against the workspace's.
 const BALL: f64 = 0.018;
-const SHAFT: f64 = 0.012;
-const LONGEST: f64 = 0.6;
-/// Linear.
-const COLOR: [f32; 3] = [0.25, 0.85, 0.75];
 
 impl World {
     /// The kind of thing that hands take, if a body can be touched.
@@ -58,21 +55,12 @@ impl World {
             let force = -(body.room_from_body.isometry.rotation * result.force);
             let radius = (BALL * radius_m) as f32;
             self.frame.draw(Drawable::Ball(Ball { center: place.cast(), radius_m: radius, color: COLOR }));
-            if let Some(arrow) = force_arrow(&place, &force, touch.full_n, LONGEST * radius_m) {
-                self.frame.draw(Drawable::Arrow(Arrow {
-                    from: arrow.from.cast(),
-                    along: arrow.along.cast(),
-                    radius_m: (SHAFT * radius_m) as f32,
-                    color: COLOR,
-                    through: true,
-                }));
-            }
             let newtons = quantity(force.norm(), "N");
             let words = match touch.spring {
                 Some(spring) => format!("{newtons}, by a spring of {}", quantity(spring, "N/m")),
                 None => format!("{newtons}, held in place"),
             };
-            self.frame.draw(Drawable::Plate(Plate::new(Anchor::Place(place.into()), words)));
+            mark_force((&place, &force), touch.full_n, words, (radius_m, &mut self.frame));
         }
     }
 

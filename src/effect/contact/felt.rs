@@ -10,7 +10,6 @@ use super::touch::{Against, Contact, at_nodes, fetch};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::stage::Stage;
-use crate::track::usable;
 use crate::world::World;
 use crate::world::tool::Tool;
 use nalgebra::{Isometry3, Vector3};
@@ -47,12 +46,8 @@ pub struct Felt {
 impl Felt {
     /// The tools whose stylus a force device of the stage moves, and that touch a body that is felt.
     pub fn new(bodies: &[TouchedBody], tools: &[Tool], stage: &Stage) -> Felt {
-        let names = stage.tracking.stylus_names();
-        let device_of = |stylus: usize| {
-            stage.haptics.iter().any(|device| names.get(stylus).is_some_and(|name| *name == device.stylus))
-        };
         let touches = |t: usize| bodies.iter().any(|body| body.is_felt && body.tools[t]);
-        let is_felt = |t: &usize| tools[*t].place.stylus.is_some_and(device_of) && touches(*t);
+        let is_felt = |t: &usize| tools[*t].place.has_device(stage) && touches(*t);
         Felt {
             tools: (0..tools.len()).filter(is_felt).collect(),
             near: Vec::new(),
@@ -95,9 +90,7 @@ impl Felt {
         world: &World,
     ) -> Result<Option<(usize, TouchPotential)>, String> {
         let Touching { t, hand, surface, contacts: all, .. } = *touching;
-        let carrier = tools[t].place.carrier(world).filter(|stylus| !stylus.from_eye);
-        let pose = carrier.and_then(|stylus| usable(&stylus.room_from_stylus));
-        let Some((stylus, room_from_stylus)) = tools[t].place.stylus.zip(pose) else { return Ok(None) };
+        let Some((stylus, room_from_stylus)) = tools[t].place.in_hand(world) else { return Ok(None) };
         // What moves by inertia alone has no compliance by which it would be felt between frames.
         let is_own = |contact: &&Contact| {
             let body = &bodies[contact.body];

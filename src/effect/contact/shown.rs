@@ -3,7 +3,7 @@
 use super::touch::{Contact, at_nodes, force_on_tool};
 use super::touched_body::TouchedBody;
 use crate::render::{Drawable, Formed};
-use crate::world::force_mark::mark_force;
+use crate::world::force_mark::{mark_force, unknown};
 use crate::world::tool::Tool;
 use crate::world::{Frame, World};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -74,7 +74,8 @@ impl<'a> Shown<'a> {
         frame: &mut Frame,
     ) {
         let Some(place) = self.middle(contacts) else { return };
-        mark_force(name, (&place, &force), self.full_n(contacts, world), world, frame);
+        let (full_n, words) = (self.full_n(contacts, world), unknown(name, force.norm()));
+        mark_force((&place, &force), full_n, words, (world.assets.stage.workspace.radius_m, frame));
     }
 
     /// The force of the longest arrow: that at which the stiffest spot yields by a part of its body's radius.

@@ -284,7 +284,8 @@ fn what_nothing_holds_falls_off() {
     println!("comes off {off:e} m beside its place");
     assert!(off < 1e-7, "{off}");
     let left = weight(&first) / before;
-    assert!((left - (at + 0.15) / 0.3).abs() < 1e-7, "{left}");
+    println!("weight off by {:e}", left - (at + 0.15) / 0.3);
+    assert!((left - (at + 0.15) / 0.3).abs() < 8e-10, "{left}");
     let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
     let mut second = Operated::new(&scene, &file);
     second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
@@ -295,7 +296,7 @@ fn what_nothing_holds_falls_off() {
         let t = f64::from(k) / 60.0;
         let expected = start - V3::y() * (0.5 * 9.80665 * t * t);
         let off = (first.pieces()[0] - expected).norm();
-        assert!(off < 1e-6, "{off} m after {t} s");
+        assert!(off < 3e-7, "{off} m after {t} s");
     }
     assert!(first.is_quiet(), "{:?}", first.world.warnings);
     first.act(Action::Undo, below);
@@ -318,8 +319,13 @@ fn what_falls_off_lands_on_the_floor() {
         (0..120).for_each(|_| operated.put(V3::new(0.3, 0.2, -0.1)));
         let pieces = operated.pieces();
         assert_eq!(pieces.len(), 1);
-        println!("{keys}: lies at {} m", pieces[0].y);
-        assert!((pieces[0].y - height).abs() < 2e-5 && (pieces[0].x - 0.0805).abs() < 1e-4, "{}", pieces[0]);
+        println!(
+            "{keys}: lies at {} m, {:e} and {:e} off",
+            pieces[0].y,
+            pieces[0].y - height,
+            pieces[0].x - 0.0805
+        );
+        assert!((pieces[0].y - height).abs() < 7e-9 && (pieces[0].x - 0.0805).abs() < 8e-8, "{}", pieces[0]);
     }
 }
 
@@ -495,8 +501,8 @@ fn cutting_takes_toughness_times_area() {
         works.push(due + done);
     }
     let work = works.iter().copied().fold(0.0, f64::max);
-    println!("{work} J of 0.6 J, {} J of them done", resistance(&operated)[1]);
-    assert!((work - 0.6).abs() < 1e-7 && resistance(&operated)[1] > 0.5, "{work} J");
+    println!("{work} J of 0.6 J, {:e} off, {} J of them done", work - 0.6, resistance(&operated)[1]);
+    assert!((work - 0.6).abs() < 3e-15 && resistance(&operated)[1] > 0.5, "{work} J");
     assert!(operated.world.effects[0].summary().contains("J of work"));
 }
 

@@ -8,7 +8,7 @@ use super::opening::{CutStep, Opening, State, Whole};
 use super::resistance::{Passed, Resistance};
 use crate::deform::{AppliedLoads, Deformer, Pull};
 use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
-use crate::mesh::split::{CutEdges, Split};
+use crate::mesh::split::{CutEdges, Split, TetCorner};
 use crate::world::World;
 use nalgebra::{Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -91,11 +91,11 @@ pub struct BodyMemory {
     seen: Option<Seen>,
 }
 
-/// A piece that has fallen off: its first node, and its motion.
+/// A piece that has fallen off: its lowest corner of a tetrahedron, and its motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Piece {
-    node: u32,
+    corner: TetCorner,
     motion: Motion,
 }
 
@@ -352,7 +352,7 @@ impl CutBody {
         undone.append(&mut self.more);
         self.undone.push(undone);
         self.cut.clone_from(&state.cut);
-        self.fallen.retain(|piece| state.split.is_loose(piece.node()));
+        self.fallen.retain(|piece| state.split.is_loose_at(piece.corner));
         self.last = state.moved.clone();
         self.go_to(state);
     }
@@ -390,7 +390,7 @@ impl CutBody {
             fallen: self
                 .fallen
                 .iter()
-                .map(|piece| Piece { node: piece.node(), motion: piece.motion })
+                .map(|piece| Piece { corner: piece.corner, motion: piece.motion })
                 .collect(),
             resistances: self.resistances.clone(),
             seen: self.seen.clone(),
@@ -460,7 +460,8 @@ impl CutBody {
             }
         }
         self.undone = undone;
-        let is_known = fallen.iter().map(|piece| piece.node).eq(self.fallen.iter().map(Fallen::node));
+        let is_known =
+            fallen.iter().map(|piece| piece.corner).eq(self.fallen.iter().map(|piece| piece.corner));
         if !is_known || !fallen.iter().all(|piece| piece.motion.is_finite()) {
             return Err(format!("body.{}: the pieces that have fallen off it are others", self.whole.name));
         }

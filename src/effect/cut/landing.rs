@@ -305,14 +305,13 @@ mod tests {
     #[test]
     fn a_brick_slides_beyond_the_angle_of_friction() {
         let friction: f64 = 0.4;
-        for (beyond, stays) in [(-0.5_f64, true), (0.5, false)] {
+        for beyond in [-0.5_f64, 0.5] {
             let tilt = friction.atan() + beyond.to_radians();
             let gone = after(120, tilt, friction, lying(tilt), V3::zeros());
             let way = (gone.pose.translation.vector - lying(tilt).pose.translation.vector).norm();
             let expected = 0.5 * 9.81 * (tilt.sin() - friction * tilt.cos()).max(0.0) * 4.0;
             println!("{beyond}°: slid by {way} m of {expected} m");
             assert!((way - expected).abs() < 0.01 * expected + 5e-6, "{beyond}°: {way} m of {expected} m");
-            assert_eq!(expected == 0.0, stays);
         }
     }
 
@@ -332,8 +331,8 @@ mod tests {
             // Friction takes it to the platform's speed within a time of v/(μ g).
             let along = V3::new(speed.x, 0.0, speed.z);
             let expected = speed * 2.0 - along * (along.norm() / (2.0 * 0.5 * 9.81));
-            println!("carried by {moved:?}, {expected:?}");
-            assert!((moved - expected).norm() < 2e-3 && (carried.velocity - speed).norm() < 1e-6, "{moved}");
+            println!("carried by {moved:?}, {expected:?}, {:e} m/s off", (carried.velocity - speed).norm());
+            assert!((moved - expected).norm() < 2e-3 && (carried.velocity - speed).norm() < 6e-7, "{moved}");
         }
     }
 
@@ -343,6 +342,7 @@ mod tests {
         let start = Motion { velocity: V3::new(0.0, -40.0, 0.0), ..lying(0.0) };
         let high = Motion { pose: Translation3::new(0.0, 0.7, 0.0) * start.pose, ..start };
         let stopped = after(10, 0.0, 0.3, high, V3::zeros());
-        assert!((stopped.pose.translation.y - 0.05).abs() < 1e-4, "{}", stopped.pose.translation);
+        println!("stopped {:e} m off", stopped.pose.translation.y - 0.05);
+        assert!((stopped.pose.translation.y - 0.05).abs() < 7e-11, "{}", stopped.pose.translation);
     }
 }

@@ -33,9 +33,7 @@ impl Settings {
 
     /// The settings of a body that lists the effect.
     pub fn of(body: &ResolvedBody) -> Settings {
-        let listed = body.effects.iter().find(|listed| listed.entry.name == NAME);
-        let settings = listed.and_then(|listed| listed.settings.as_ref()?.downcast_ref());
-        settings.cloned().unwrap_or_default()
+        body.settings::<Settings>(NAME).cloned().unwrap_or_default()
     }
 }
 

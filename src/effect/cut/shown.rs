@@ -4,8 +4,7 @@ use super::blade::Blade;
 use super::body::CutBody;
 use super::resistance::{RELIEVED, Resistance};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
-use crate::track::usable;
-use crate::world::force_mark::mark_force;
+use crate::world::force_mark::{mark_force, unknown};
 use crate::world::{Frame, World};
 use nalgebra::{Isometry3, Matrix3, Point3};
 
@@ -16,6 +15,7 @@ pub fn force(
     world: &World,
     frame: &mut Frame,
 ) {
+    let radius_m = world.assets.stage.workspace.radius_m;
     for body in bodies {
         let Some(resistance) = body.resistances.get(number) else { continue };
         let scale = world.bodies[body.b].room_from_body.scaling();
@@ -25,24 +25,20 @@ pub fn force(
         }
         let place = pose * Point3::from(*resistance.at());
         let full = body.toughness() * blade.length() / scale;
-        mark_force(&blade.name, (&place, &(-resistance.along() * force)), full, world, frame);
+        let words = unknown(&blade.name, force);
+        mark_force((&place, &(-resistance.along() * force)), full, words, (radius_m, frame));
     }
 }
 
 /// A blade that a force device carries: its number and stylus, and room_from_stylus and room_from_blade.
 pub type Carried = (usize, usize, [Isometry3<f64>; 2]);
 
-/// The blades whose stylus a force device of the stage moves, where they are in a frame. The mouse's stylus starts at the eye, where its
-/// blade is not.
+/// The blades whose stylus a force device of the stage moves, where they are in a frame.
 pub fn carried<'a>(blades: &'a [Blade], world: &'a World) -> impl Iterator<Item = Carried> + 'a {
-    let stage = &world.assets.stage;
-    let names = stage.tracking.stylus_names();
-    blades.iter().enumerate().filter_map(move |(number, blade)| {
-        let stylus = blade.place.stylus?;
-        let name = names.get(stylus)?;
-        stage.haptics.iter().find(|device| device.stylus == *name)?;
-        let carrier = blade.place.carrier(world).filter(|stylus| !stylus.from_eye)?;
-        Some((number, stylus, [usable(&carrier.room_from_stylus)?, blade.place.pose(world)?]))
+    let felt = |(_, blade): &(usize, &Blade)| blade.place.has_device(&world.assets.stage);
+    blades.iter().enumerate().filter(felt).filter_map(|(number, blade)| {
+        let (stylus, room_from_stylus) = blade.place.in_hand(world)?;
+        Some((number, stylus, [room_from_stylus, blade.place.pose(world)?]))
     })
 }
 

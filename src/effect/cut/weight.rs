@@ -8,7 +8,7 @@
 //! ```
 
 use super::opened::Cuttable;
-use crate::fem::NodeFields;
+use crate::fem::{NodeFields, tet4};
 use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -66,8 +66,8 @@ impl Cuttable {
 
     /// Mass of a tetrahedron, kg; 0 where nothing is heavy.
     pub fn mass(&self, tet: u32) -> f64 {
-        let [a, b, c, d] = self.splitter.mesh.corners(tet as usize);
-        let volume = (b - a).cross(&(c - a)).dot(&(d - a)).abs() / 6.0;
+        let of = tet4::geometry(self.splitter.mesh.corners(tet as usize));
+        let volume = of.map_or(0.0, |geometry| geometry.volume.abs());
         self.density.get(tet as usize).map_or(0.0, |density| density * volume)
     }
 }

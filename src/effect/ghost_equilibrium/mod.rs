@@ -87,7 +87,7 @@ impl EquilibriumGhosts {
     fn new(listed: &EffectInput<'_>, world: &World) -> EquilibriumGhosts {
         let of = |&(b, name): &(usize, &str)| {
             let body = &world.bodies[b];
-            let settings: Option<&Settings> = listed.scene.bodies[name].settings(&ENTRY);
+            let settings: Option<&Settings> = listed.scene.bodies[name].settings(ENTRY.name);
             let asked = settings.and_then(|settings| settings.law);
             let law = asked.or(body.assets.model.law()).unwrap_or(&STVK);
             let tags = body.deformer.tags().to_vec();

@@ -18,5 +18,5 @@ mod surface;
 mod tests;
 
 pub use edges::{CutEdges, edge};
-pub use pieces::{LoosePart, Piece, Split, Splitter};
+pub use pieces::{LoosePart, Piece, Split, Splitter, TetCorner};
 pub use surface::{CutPoint, CutSurface};

@@ -55,6 +55,22 @@ pub struct LoosePart {
     pub nodes: Vec<u32>,
 }
 
+/// A corner of a tetrahedron of the mesh: its number, and which of its four nodes.
+pub type TetCorner = (u32, usize);
+
+impl LoosePart {
+    /// The corners of tetrahedra that lie in it, the lowest one first.
+    pub fn corners(&self, split: &Split) -> Vec<TetCorner> {
+        let of_tets = self.tets.iter().flat_map(|tet| (0..4).map(|k| (*tet, k)));
+        let own =
+            |piece: &Piece| (0..4).filter(|k| piece.own[*k]).map(|k| (piece.tet, k)).collect::<Vec<_>>();
+        let of_pieces = self.pieces.iter().flat_map(|number| own(&split.pieces[*number]));
+        let mut corners: Vec<TetCorner> = of_tets.chain(of_pieces).collect();
+        corners.sort_unstable();
+        corners
+    }
+}
+
 /// A mesh that has fallen into pieces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Split {
@@ -77,6 +93,15 @@ impl Split {
     /// Whether a node or a copy belongs to a part that nothing holds.
     pub fn is_loose(&self, node: u32) -> bool {
         self.loose.iter().any(|part| part.nodes.binary_search(&node).is_ok())
+    }
+
+    /// Whether a corner of a tetrahedron lies in a part that nothing holds.
+    pub fn is_loose_at(&self, (tet, k): TetCorner) -> bool {
+        let piece = self.pieces_of(tet).map(|mut own| own.find(|number| self.pieces[*number].own[k]));
+        self.loose.iter().any(|part| match piece {
+            None => part.tets.binary_search(&tet).is_ok(),
+            Some(piece) => piece.is_some_and(|piece| part.pieces.binary_search(&piece).is_ok()),
+        })
     }
 
     /// The node of the mesh that a node is, or of which it is a copy, in a mesh of `nodes` nodes.

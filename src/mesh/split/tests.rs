@@ -258,5 +258,7 @@ fn a_part_on_an_edge_is_not_held() {
             (4..7).filter(|node| second.contains(node)).chain(7..7 + copies.len() as u32).collect();
         assert_eq!(split.loose, [LoosePart { tets: Vec::new(), pieces: vec![0], nodes: own }]);
         assert_eq!(split.copies, copies);
+        assert!(split.is_loose_at((1, 0)) && !split.is_loose_at((0, 0)));
+        assert_eq!(split.loose[0].corners(&split), [0, 1, 2, 3].map(|k| (1, k)));
     }
 }
