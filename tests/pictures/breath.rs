@@ -56,7 +56,7 @@ fn join(
     _: &mut World,
 ) -> Result<Option<Box<dyn RunningEffect>>, greenstage::base::failure::Failure> {
     let (b, name) = listed.bodies[0];
-    let settings: &Settings = listed.scene.bodies[name].settings(&BREATH).unwrap();
+    let settings: &Settings = listed.scene.bodies[name].settings(BREATH.name).unwrap();
     Ok(Some(Box::new(Breath { b, stiffness: settings.stiffness, seen_s: None, phase: 0.0 })))
 }
 
