@@ -38,7 +38,7 @@ pub use error::SceneError;
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{
     CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
-    SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
+    STANDARD_GRAVITY, SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
 pub use look::{CREASE, Color, Lines, Texture};
 pub use material::Material;

@@ -23,7 +23,9 @@ impl ScriptPresses {
             let was_pressed = std::mem::replace(&mut self.pressed[i], stylus.pressed);
             let begins = stylus.pressed && !was_pressed;
             let hands = &world.graph.get(world.fields.hands).hands;
-            let takes = hands.grip(i).is_some() || world.touched(i).is_some();
+            let takes = hands.grip(i).is_some()
+                || world.touched(i).is_some()
+                || world.effects.iter().any(|effect| effect.holds(i));
             if !begins || self.told[i] || takes || world.bodies.is_empty() {
                 continue;
             }

@@ -56,6 +56,11 @@ impl Stage {
         let best = |(_, a): &(usize, &Screen), (_, b): &(usize, &Screen)| turned(a).total_cmp(&turned(b));
         self.screens.iter().enumerate().max_by(best).map_or(0, |(index, _)| index)
     }
+
+    /// Whether a force-feedback device moves the stylus of this name.
+    pub fn is_felt_in(&self, stylus: &str) -> bool {
+        self.haptics.iter().any(|device| device.stylus == stylus)
+    }
 }
 
 /// The files of the built-in stages, by name.

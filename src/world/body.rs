@@ -2,7 +2,7 @@
 
 use super::assets::BodyAssets;
 use super::body_memory::BodyMemory;
-use super::frame::{BodyFrame, Highlight, StepTimes};
+use super::frame::{BodyFrame, StepTimes};
 use crate::deform::{Contribution, ControlPose, Deformer, PoseLimiter};
 use crate::green::GreenFile;
 use crate::interact::{PickShape, PickTarget, control_pose_in_body, room_from_element};
@@ -223,11 +223,9 @@ impl PlacedBody {
         let plain = || vec![[r, g, b, 0]; self.deformer.node_count()];
         let mut colours = shown.colours.as_ref().map_or_else(plain, |codes| codes.to_vec());
         for (c, (control, highlight)) in self.assets.controls.iter().zip(&shown.highlights).enumerate() {
-            let [r, g, b] = match (control.grab, highlight) {
-                (Grab::Fixed, _) => [128, 130, 136],
-                (Grab::Dragger, Highlight::Idle) => [224, 138, 52],
-                (Grab::Dragger, Highlight::Hovered) => [255, 186, 96],
-                (Grab::Dragger, Highlight::Held) => [170, 214, 84],
+            let Color([r, g, b]) = match control.grab {
+                Grab::Fixed => Color([128, 130, 136]),
+                Grab::Dragger => highlight.color(),
             };
             for &vertex in self.deformer.control_nodes(c) {
                 colours[vertex as usize] = [r, g, b, 255];

@@ -10,6 +10,7 @@ use super::force_scale::ForceScale;
 use super::vibration::Vibration;
 use crate::deform::{ExpectedErrors, TouchPotential};
 use crate::render::Drawable;
+use crate::scene::Color;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -94,6 +95,17 @@ pub enum Highlight {
     Idle,
     Hovered,
     Held,
+}
+
+impl Highlight {
+    /// Colour of what a hand can take.
+    pub fn color(self) -> Color {
+        Color(match self {
+            Highlight::Idle => [224, 138, 52],
+            Highlight::Hovered => [255, 186, 96],
+            Highlight::Held => [170, 214, 84],
+        })
+    }
 }
 
 /// Time of the mechanics of one frame, s.

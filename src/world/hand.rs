@@ -21,15 +21,19 @@ pub fn pick(
     if matches!(stylus.signal, Signal::Lost { .. }) {
         return None;
     }
-    let ray = PickRay::from_stylus(stylus)?;
     let shapes = |near: bool| -> Vec<PickTarget> {
         targets.iter().map(|&(b, c)| bodies[b].pick_target(c, near)).collect()
     };
-    let surfaces = shapes(false);
+    pick_shape(stylus, &shapes(false), radius_m)
+        .or_else(|| pick_nearest(&PickRay::from_stylus(stylus)?, &shapes(true)))
+}
+
+/// Picks the shape that the tip of a stylus touches, else what its ray hits. `radius_m` is that of the workspace.
+pub fn pick_shape(stylus: &StylusState, shapes: &[PickTarget], radius_m: f64) -> Option<Hit> {
     let touched = usable(&stylus.room_from_stylus)
         .filter(|_| !stylus.from_eye)
-        .and_then(|pose| reach(&Point3::from(pose.translation.vector), &surfaces, REACH * radius_m));
-    touched.or_else(|| pick_nearest(&ray, &surfaces)).or_else(|| pick_nearest(&ray, &shapes(true)))
+        .and_then(|pose| reach(&Point3::from(pose.translation.vector), shapes, REACH * radius_m));
+    touched.or_else(|| pick_nearest(&PickRay::from_stylus(stylus)?, shapes))
 }
 
 /// The grip of a hand, and where the place that it grabbed is now.

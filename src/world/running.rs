@@ -149,6 +149,11 @@ pub trait RunningEffect {
         Vec::new()
     }
 
+    /// Whether the hand that has the stylus of this number holds something that is none of the world's control elements.
+    fn holds(&self, _stylus: usize) -> bool {
+        false
+    }
+
     /// Sees the bodies in the shape of this frame; colours them, and adds what it knows of their forces.
     fn surface(&mut self, _world: &World, _bodies: &mut [BodyFrame]) {}
 

@@ -177,7 +177,8 @@ impl World {
         let Some(field) = self.fields.contributions else { return };
         let poses: Vec<Vec<Field<ControlPose>>> =
             self.fields.bodies.iter().map(|body| body.poses.clone()).collect();
-        self.graph.evaluate_first(&poses, &mut self.bodies);
+        let touches: Vec<_> = self.fields.touch.iter().map(|touch| touch.touches).collect();
+        self.graph.evaluate_first(&(self.fields.hands, touches, poses), &mut self.bodies);
         let mut contributions = self.no_contributions();
         let mut effects = std::mem::take(&mut self.effects);
         for at in 0..effects.len() {

@@ -45,7 +45,7 @@ impl ToolPlace {
     /// Whether a force device of the stage moves the stylus that carries it.
     pub fn has_device(&self, stage: &Stage) -> bool {
         let name = self.stylus.and_then(|stylus| stage.tracking.stylus_names().get(stylus).cloned());
-        name.is_some_and(|name| stage.haptics.iter().any(|device| device.stylus == name))
+        name.is_some_and(|name| stage.is_felt_in(name))
     }
 
     /// The stylus that carries it, and room_from_stylus, where the hand is where the tool is: the mouse's stylus starts at the eye.

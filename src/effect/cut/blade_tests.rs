@@ -7,10 +7,11 @@ use crate::effect::{EFFECTS, Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
 use crate::interact::Action;
 use crate::render::Drawable;
+use crate::scene::Color;
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
-use crate::world::{Input, World};
+use crate::world::{Highlight, Input, World};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
@@ -56,6 +57,14 @@ fn file(scene: &Resolved) -> Arc<GreenFile> {
     Arc::new(GreenFile::open(&path).unwrap())
 }
 
+/// A stylus whose tip is at this place; it points along -z.
+fn stylus(tip: &V3) -> StylusState {
+    StylusState {
+        room_from_stylus: Isometry3::from(Translation3::from(*tip)).cast(),
+        ..StylusState::default()
+    }
+}
+
 impl Operated {
     fn new(scene: &Resolved, file: &Arc<GreenFile>) -> Operated {
         let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
@@ -89,13 +98,12 @@ impl Operated {
     }
 
     fn step_with(&mut self, tips: &[V3], actions: Vec<Action>) {
+        self.step_styli(tips.iter().map(stylus).collect(), actions);
+    }
+
+    fn step_styli(&mut self, styli: Vec<StylusState>, actions: Vec<Action>) {
         self.frame += 1;
-        let stylus = |tip: &V3| StylusState {
-            room_from_stylus: Isometry3::from(Translation3::from(*tip)).cast(),
-            ..StylusState::default()
-        };
         let time_s = self.frame as f64 / 60.0;
-        let styli = tips.iter().map(stylus).collect();
         let trackers = TrackerState { head: None, styli, time_s };
         self.world.step(&Input { actions, ..trackers.into() });
     }
@@ -151,9 +159,10 @@ impl Operated {
 
     /// Middles of the pieces that have fallen off.
     fn pieces(&self) -> Vec<V3> {
-        let color = self.world.bodies[0].assets.color.linear();
+        let own = self.world.bodies[0].assets.color;
+        let colors = [own, Highlight::Hovered.color(), Highlight::Held.color()].map(Color::linear);
         let formed = self.world.frame.drawables.iter().filter_map(|drawable| match drawable {
-            Drawable::Formed(formed) if formed.color == color => Some(formed.room_from_shape),
+            Drawable::Formed(formed) if colors.contains(&formed.color) => Some(formed.room_from_shape),
             _ => None,
         });
         formed.map(|m| V3::new(m.m14.into(), m.m24.into(), m.m34.into())).collect()
@@ -327,6 +336,59 @@ fn what_falls_off_lands_on_the_floor() {
         );
         assert!((pieces[0].y - height).abs() < 7e-9 && (pieces[0].x - 0.0805).abs() < 8e-8, "{}", pieces[0]);
     }
+}
+
+/// A hand takes the piece that its ray hits, carries it, presses it onto the floor, which stops it, and throws it: it flies on with the hand's
+/// speed. A world that takes the state while it is carried goes on with the same bits.
+#[test]
+fn a_hand_carries_a_piece_and_throws_it() {
+    let tools = "[tool.floor]\nshape = \"floor\"\nposition = [0.0, -0.1, 0.0]\n";
+    let keys = "effects = [\"cut\", \"contact\"]\ngravity = true\n";
+    let scene = parsed(&text(ONE, keys, tools).replace("1.0e5", "1.0e12")).unwrap();
+    let file = file(&scene);
+    let mut first = Operated::new(&scene, &file);
+    first.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
+    let away = stylus(&V3::new(-0.3, 0.3, -0.1));
+    let grasp = V3::new(0.1, -0.04, 0.2);
+    let hand = |by: V3, pressed: bool| StylusState { pressed, ..stylus(&(grasp + by)) };
+    let frames = |operated: &mut Operated, count: usize, hand: StylusState| {
+        (0..count).for_each(|_| operated.step_styli(vec![away, hand], Vec::new()));
+    };
+    frames(&mut first, 60, hand(V3::zeros(), false));
+    let lies = first.pieces()[0];
+    let mut second = Operated::new(&scene, &file);
+    let mut most = 0.0_f64;
+    for k in 0..=30 {
+        let by = V3::y() * (0.01 * f64::from(k));
+        frames(&mut first, 1, hand(by, true));
+        most = most.max((first.pieces()[0] - lies - by).norm());
+        if k == 15 {
+            let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
+            second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
+            second.frame = first.frame;
+        } else if k > 15 {
+            frames(&mut second, 1, hand(by, true));
+            assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {k}");
+        }
+    }
+    println!("carried, {most:e} m off");
+    assert!(most < 1e-7, "{most:e}");
+    let (thrown, speed) = (first.pieces()[0], 0.6);
+    let mut most = 0.0_f64;
+    for k in 1..=12 {
+        frames(&mut first, 1, hand(V3::y() * 0.3, false));
+        let t = f64::from(k) / 60.0;
+        let expected = thrown + V3::y() * (speed * t - 0.5 * 9.80665 * t * t);
+        most = most.max((first.pieces()[0] - expected).norm());
+    }
+    println!("thrown, {most:e} m off");
+    assert!(most < 1e-6, "{most:e}");
+    frames(&mut first, 90, hand(V3::zeros(), false));
+    frames(&mut first, 1, hand(V3::zeros(), true));
+    (1..=30).for_each(|k| frames(&mut first, 1, hand(V3::y() * (-0.01 * f64::from(k)), true)));
+    let pressed = first.pieces()[0];
+    println!("pressed onto the floor: {:e} m off", pressed.y - lies.y);
+    assert!((pressed.y - lies.y).abs() < 1e-12, "{pressed}");
 }
 
 /// A state in the middle of a cut: another world that takes it goes on with the same bits.

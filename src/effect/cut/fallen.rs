@@ -1,15 +1,16 @@
 //! Pieces that have fallen off a body. They are rigid: what nothing holds is not strained.
 //!
 //! In: a loose part of a cut mesh, and where its nodes were. Out: its surface, mass and moments, and its motion from frame to frame, under
-//! gravity and against tools ([`super::landing`]). A piece starts at rest where it comes off, as all of a body without `dynamics` is at
+//! gravity or with a hand, and against tools ([`super::landing`]). A piece starts at rest where it comes off, as all of a body without `dynamics` is at
 //! rest in every frame.
 
-use super::landing::{Motion, Obstacle, Solid};
+use super::landing::{Drive, Motion, Obstacle, Solid};
 use super::loose::shares;
 use super::opened::Cuttable;
 use crate::base::creases::Creases;
 use crate::deform::vertex_normals;
 use crate::fem::Polar;
+use crate::interact::{PickShape, PickTarget};
 use crate::mesh::split::{CutEdges, CutPoint, CutSurface, LoosePart, Split, TetCorner};
 use crate::render::GhostShape;
 use crate::scene::CREASE;
@@ -32,6 +33,9 @@ pub struct Fallen {
     /// Nodes of the mesh at its corners.
     pub nodes: Vec<u32>,
     drawn: Arc<GhostShape>,
+    /// Corners and triangles that a hand can take.
+    corners: Vec<Vector3<f32>>,
+    pickable: PickShape,
     /// Rest place of its middle about the body's centre, m.
     middle: V3,
     solid: Solid,
@@ -46,6 +50,8 @@ pub struct Falling<'a> {
     /// Size of the body in the room against its own.
     pub scale: f64,
     pub obstacles: &'a [Obstacle<'a>],
+    /// Pieces that hands carry, and the poses in the room to which they bring them.
+    pub carried: &'a [(TetCorner, Isometry3<f64>)],
 }
 
 impl Fallen {
@@ -90,13 +96,23 @@ impl Fallen {
         let mass: f64 = shares(split, part).map(|(tet, own)| of.mass(tet) * own.iter().sum::<f64>()).sum();
         let (middle, inertia) = inertia_of(&corners, &triangles, mass);
         corners.iter_mut().for_each(|x| *x -= middle);
+        let pickable = PickShape { triangles: triangles.clone(), points: Vec::new() };
         let drawn = Arc::new(shape(&corners, &triangles));
         let motion = Motion::at_rest(Isometry3::translation(middle.x, middle.y, middle.z));
         let corner = of_tets.first().copied().unwrap_or_default();
         let nodes: BTreeSet<u32> =
             of_tets.iter().map(|(tet, k)| of.splitter.mesh.tets[*tet as usize][*k]).collect();
         let nodes = nodes.into_iter().collect();
-        Fallen { corner, nodes, drawn, middle, solid: Solid { corners, inertia }, motion }
+        Fallen {
+            corner,
+            nodes,
+            drawn,
+            corners: corners.iter().map(|x| x.cast()).collect(),
+            pickable,
+            middle,
+            solid: Solid { corners, inertia },
+            motion,
+        }
     }
 
     /// Mass, kg; 0 without gravity.
@@ -127,20 +143,43 @@ impl Fallen {
 
     /// Moves it on by a frame.
     pub fn fall(&mut self, falling: &Falling<'_>) {
-        let (Some(gravity), dt_s) = (falling.gravity, falling.dt_s.min(LONGEST_S)) else { return };
-        if self.solid.inertia.is_some() && dt_s > 0.0 {
-            let after = self.solid.moved(&self.motion, &gravity, (falling.obstacles, falling.scale), dt_s);
+        let Falling { gravity, scale, obstacles, carried, .. } = falling;
+        let carried = carried.iter().find(|(corner, _)| *corner == self.corner);
+        let drive = match (carried, gravity) {
+            (Some((_, Isometry3 { translation, rotation })), _) => {
+                Drive::Hand(Isometry3::from_parts((translation.vector / *scale).into(), *rotation))
+            }
+            (None, Some(gravity)) => Drive::Weight(*gravity),
+            (None, None) => return,
+        };
+        let dt_s = falling.dt_s.min(LONGEST_S);
+        if dt_s > 0.0 {
+            let after = self.solid.moved(&self.motion, &drive, (obstacles, *scale), dt_s);
             if after.is_finite() {
                 self.motion = after;
             }
         }
     }
 
+    /// room_from_piece of a body of this size.
+    fn room_from_piece(&self, scale: f64) -> Similarity3<f64> {
+        let Isometry3 { translation, rotation } = self.motion.pose;
+        Similarity3::from_parts((translation.vector * scale).into(), rotation, scale)
+    }
+
     /// Surface, and room_from_shape.
     pub fn drawn(&self, scale: f64) -> (Arc<GhostShape>, Matrix4<f32>) {
-        let Isometry3 { translation, rotation } = self.motion.pose;
-        let room_from_shape = Similarity3::from_parts((translation.vector * scale).into(), rotation, scale);
-        (self.drawn.clone(), room_from_shape.to_homogeneous().cast())
+        (self.drawn.clone(), self.room_from_piece(scale).to_homogeneous().cast())
+    }
+
+    /// What a hand can take.
+    pub fn target(&self, scale: f64) -> PickTarget<'_> {
+        PickTarget {
+            shape: &self.pickable,
+            positions: &self.corners,
+            ball_radius_m: 0.0,
+            room_from_body: self.room_from_piece(scale),
+        }
     }
 }
 
@@ -222,6 +261,8 @@ mod tests {
                 corner: (0, 0),
                 nodes: Vec::new(),
                 drawn: drawn.clone(),
+                corners: Vec::new(),
+                pickable: PickShape::default(),
                 middle,
                 solid: solid(),
                 motion,

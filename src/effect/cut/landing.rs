@@ -10,10 +10,11 @@
 //!
 //! φ is the distance of a corner, negative inside, so that nothing is passed within a step. Free flight is exact ([`RigidInertia::flown`]).
 
+use crate::scene::STANDARD_GRAVITY;
 use crate::world::flight::{RigidInertia, Twist};
 use crate::world::tool::pose_between;
 use crate::world::tool_shape::Shape;
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 type V3 = Vector3<f64>;
@@ -48,6 +49,20 @@ impl Motion {
         Motion { pose, velocity: V3::zeros(), spin: V3::zeros() }
     }
 
+    /// The even motion that reaches a pose in this time.
+    fn towards(&self, pose: &Isometry3<f64>, time_s: f64) -> Motion {
+        let way = pose.translation.vector - self.pose.translation.vector;
+        let turn = pose.rotation * self.pose.rotation.inverse();
+        Motion { pose: self.pose, velocity: way / time_s, spin: turn.scaled_axis() / time_s }
+    }
+
+    /// Goes on with the same velocities.
+    fn evenly(&self, time_s: f64) -> Motion {
+        let place = self.pose.translation.vector + self.velocity * time_s;
+        let turn = UnitQuaternion::from_scaled_axis(self.spin * time_s);
+        Motion { pose: Isometry3::from_parts(place.into(), turn * self.pose.rotation), ..*self }
+    }
+
     pub fn is_finite(&self) -> bool {
         let Motion { pose, velocity, spin } = self;
         let vectors = [&pose.translation.vector, velocity, spin];
@@ -61,6 +76,15 @@ pub struct Solid {
     pub corners: Vec<V3>,
     /// `None` of a piece without mass, which stays where it is.
     pub inertia: Option<RigidInertia>,
+}
+
+/// What moves a piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Drive {
+    /// Gravity, m/s².
+    Weight(V3),
+    /// A hand, which has brought it to this pose by the end of the frame, unless a tool is in the way.
+    Hand(Isometry3<f64>),
 }
 
 /// A tool and its way through the frame, in the room.
@@ -89,11 +113,16 @@ impl Solid {
     pub fn moved(
         &self,
         from: &Motion,
-        gravity: &V3,
+        drive: &Drive,
         (obstacles, scale): (&[Obstacle<'_>], f64),
         dt_s: f64,
     ) -> Motion {
-        let Some(inertia) = &self.inertia else { return *from };
+        let Some(inertia) = &self.inertia else {
+            return match drive {
+                Drive::Weight(_) => *from,
+                Drive::Hand(pose) => Motion::at_rest(*pose),
+            };
+        };
         let mut motion = *from;
         let (step_s, each) = (dt_s / STEPS as f64, 1.0 / STEPS as f64);
         for step in 0..STEPS {
@@ -101,7 +130,11 @@ impl Solid {
                 .iter()
                 .map(|obstacle| Way::new(obstacle, [step as f64 * each, (step + 1) as f64 * each], scale))
                 .collect();
-            motion = self.stepped(&motion, gravity, (&ways, inertia), step_s);
+            let driven = match drive {
+                Drive::Weight(gravity) => Motion { velocity: motion.velocity + gravity * step_s, ..motion },
+                Drive::Hand(pose) => motion.towards(pose, step_s * (STEPS - step) as f64),
+            };
+            motion = self.stepped(&motion, (&driven, drive), (&ways, inertia), step_s);
         }
         motion
     }
@@ -109,22 +142,27 @@ impl Solid {
     fn stepped(
         &self,
         from: &Motion,
-        gravity: &V3,
+        (driven, drive): (&Motion, &Drive),
         (ways, inertia): (&[Way<'_>], &RigidInertia),
         dt_s: f64,
     ) -> Motion {
-        let mut motion = *from;
-        let falling = Motion { velocity: motion.velocity + gravity * dt_s, ..motion };
         let mut meetings: Vec<Meeting> =
-            ways.iter().flat_map(|way| self.meetings(&falling, way, dt_s)).collect();
+            ways.iter().flat_map(|way| self.meetings(driven, way, dt_s)).collect();
         if meetings.is_empty() {
-            return flown(inertia, &motion, &(gravity * inertia.mass), dt_s);
+            return match drive {
+                Drive::Weight(gravity) => flown(inertia, from, &(gravity * inertia.mass), dt_s),
+                Drive::Hand(_) => driven.evenly(dt_s),
+            };
         }
-        motion = falling;
+        let mut motion = *driven;
         let turn = motion.pose.rotation.to_rotation_matrix();
         let inverse =
             turn.matrix() * inertia.moments.try_inverse().unwrap_or_default() * turn.matrix().transpose();
-        let settled = SETTLED * inertia.mass * gravity.norm() * dt_s;
+        let pull = match drive {
+            Drive::Weight(gravity) => gravity.norm(),
+            Drive::Hand(_) => STANDARD_GRAVITY,
+        };
+        let settled = SETTLED * inertia.mass * pull * dt_s;
         for _ in 0..ROUNDS {
             let mut most = 0.0_f64;
             for meeting in &mut meetings {
@@ -137,7 +175,10 @@ impl Solid {
                 break;
             }
         }
-        let mut motion = flown(inertia, &motion, &V3::zeros(), dt_s);
+        let mut motion = match drive {
+            Drive::Weight(_) => flown(inertia, &motion, &V3::zeros(), dt_s),
+            Drive::Hand(_) => motion.evenly(dt_s),
+        };
         ways.iter().for_each(|way| self.move_out(&mut motion, way));
         motion
     }
@@ -258,7 +299,6 @@ fn flown(inertia: &RigidInertia, from: &Motion, force: &V3, dt_s: f64) -> Motion
 mod tests {
     use super::*;
     use crate::scene::{Scene, ToolShape};
-    use nalgebra::UnitQuaternion;
     use std::path::Path;
 
     const G: V3 = V3::new(0.0, -9.81, 0.0);
@@ -292,7 +332,7 @@ mod tests {
         let pose = |frame: usize| Isometry3::from_parts((speed * (frame as f64 * FRAME_S)).into(), turn);
         (0..frames).fold(start, |motion, frame| {
             let way = Obstacle { shape: &shape, from: pose(frame), to: pose(frame + 1), friction };
-            solid.moved(&motion, &G, (&[way], 1.0), FRAME_S)
+            solid.moved(&motion, &Drive::Weight(G), (&[way], 1.0), FRAME_S)
         })
     }
 

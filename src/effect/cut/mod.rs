@@ -10,6 +10,7 @@ mod blade;
 #[cfg(test)]
 mod blade_tests;
 mod body;
+mod carried;
 mod couplings;
 mod fallen;
 mod landing;

@@ -2,6 +2,7 @@
 
 use super::blade::{Blade, Sweep, Swept};
 use super::body::{BodyMemory, CutBody, Seen};
+use super::carried::Carriers;
 use super::fallen::Falling;
 use super::landing::Obstacle;
 use super::resistance::Resistance;
@@ -16,7 +17,7 @@ use crate::render::{Drawable, Formed};
 use crate::world::inertia::Inertia;
 use crate::world::running::{Memory, read, written};
 use crate::world::tool::Tool;
-use crate::world::{BodyFrame, Frame, PlacedBody, RunningEffect, World};
+use crate::world::{BodyFrame, Frame, Highlight, PlacedBody, RunningEffect, World};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -37,6 +38,8 @@ struct Cuts {
     bodies: Vec<CutBody>,
     /// Tools on which pieces land, with their friction on each body.
     tools: Vec<(Tool, Vec<Option<f64>>)>,
+    /// Hands that carry pieces.
+    hands: Carriers,
     /// Pose of each blade and of each tool in the last frame.
     last: Vec<Option<Isometry3<f64>>>,
     last_of_tools: Vec<Option<Isometry3<f64>>>,
@@ -58,6 +61,7 @@ struct Memorised {
     blades: Vec<Posed>,
     tools: Vec<Posed>,
     bodies: Vec<BodyMemory>,
+    hands: Carriers,
     quiet: u32,
     #[serde(with = "crate::field::numbers::flat")]
     last_s: Vec<f64>,
@@ -98,6 +102,7 @@ pub fn attach(
         blades,
         bodies,
         tools,
+        hands: Carriers::default(),
         quiet: QUIET,
         has_begun: false,
         warnings: Vec::new(),
@@ -149,6 +154,11 @@ impl Cuts {
         let now_s = Some(*world.graph.get(world.fields.time)).filter(|now| now.is_finite());
         let dt_s = self.last_s.zip(now_s).map_or(0.0, |(last, now)| now - last);
         let poses: Vec<_> = self.tools.iter().map(|(tool, _)| tool.place.pose(world)).collect();
+        let pieces = self.bodies.iter().enumerate().flat_map(|(number, body)| {
+            let scale = world.bodies[body.b].room_from_body.scaling();
+            body.fallen().iter().map(move |piece| ((number, piece.corner), piece.target(scale)))
+        });
+        self.hands.see(world, &pieces.collect::<Vec<_>>());
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let tools = self.tools.iter().zip(self.last_of_tools.iter().zip(&poses));
             let there = tools.filter_map(|((tool, frictions), (last, now))| {
@@ -158,7 +168,8 @@ impl Cuts {
             let obstacles: Vec<Obstacle<'_>> = there.collect();
             let gravity = gravity(world, body.b);
             let scale = world.bodies[body.b].room_from_body.scaling();
-            body.fall(&Falling { dt_s, gravity, scale, obstacles: &obstacles });
+            let carried = self.hands.of_body(number, world);
+            body.fall(&Falling { dt_s, gravity, scale, obstacles: &obstacles, carried: &carried });
         }
         (self.last_of_tools, self.last_s) = (poses, now_s);
     }
@@ -231,6 +242,10 @@ impl RunningEffect for Cuts {
         self.bodies.iter_mut().filter_map(CutBody::remade).collect()
     }
 
+    fn holds(&self, stylus: usize) -> bool {
+        self.hands.carries(stylus)
+    }
+
     fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
         for body in self.bodies.iter().filter(|body| body.is_felt) {
             let scale = world.bodies[body.b].room_from_body.scaling();
@@ -250,11 +265,15 @@ impl RunningEffect for Cuts {
                 .warnings
                 .extend(unseen.filter_map(|(blade, _)| blade.place.unseen(&blade.name, SEEN_S, world)));
         }
-        for body in &self.bodies {
+        for (number, body) in self.bodies.iter().enumerate() {
             let placed = &world.bodies[body.b];
             for piece in body.fallen() {
                 let (shape, room_from_shape) = piece.drawn(placed.room_from_body.scaling());
-                let color = placed.assets.color.linear();
+                let color = match self.hands.highlight((number, piece.corner)) {
+                    Highlight::Idle => placed.assets.color,
+                    highlight => highlight.color(),
+                };
+                let color = color.linear();
                 frame.drawables.push(Drawable::Formed(Formed { shape, room_from_shape, color }));
             }
         }
@@ -296,13 +315,14 @@ impl RunningEffect for Cuts {
             blades: self.last.iter().copied().map(Posed).collect(),
             tools: self.last_of_tools.iter().copied().map(Posed).collect(),
             bodies: self.bodies.iter().map(CutBody::remember).collect(),
+            hands: self.hands.clone(),
             quiet: self.quiet,
             last_s: self.last_s.into_iter().collect(),
         })
     }
 
     fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
-        let Memorised { blades, tools, bodies, quiet, last_s } = read(memory)?;
+        let Memorised { blades, tools, bodies, hands, quiet, last_s } = read(memory)?;
         let own = [self.blades.len(), self.tools.len(), self.bodies.len()];
         if [blades.len(), tools.len(), bodies.len()] != own || last_s.len() > 1 {
             return Err("its blades, tools and bodies are those of another scene".to_owned());
@@ -310,6 +330,7 @@ impl RunningEffect for Cuts {
         self.last_of_tools = tools.into_iter().map(|Posed(pose)| pose).collect();
         self.last_s = last_s.first().copied();
         self.quiet = quiet.min(QUIET);
+        self.hands = hands;
         self.last = blades.into_iter().map(|Posed(pose)| pose).collect();
         for (body, memory) in self.bodies.iter_mut().zip(bodies) {
             body.restore(memory)?;

@@ -26,7 +26,7 @@ pub fn lint(stage: &Stage, found: &mut Vec<Diagnostic>) {
         warn(found, format!("tracker.{name}.room_from_tracker"), message);
     }
     for (name, stylus) in &stage.tracking.styli {
-        let has_grip = stage.haptics.iter().any(|haptic| haptic.stylus == *name);
+        let has_grip = stage.is_felt_in(name);
         if stylus.grab.is_none() && !has_grip {
             let message = "it has no `grab`: it points, and can never grab; `greenstage track` shows the numbers of \
                            the buttons";
