@@ -50,17 +50,17 @@ fn a_table_is_kept_and_chosen_from() {
     };
     let said = |demand: &str| chosen(demand, &[]);
     std::fs::write(&file, b"\x80\0\0\0\0\0\0\0{\"__metadata__\":{\"greenstage\":\"").unwrap();
-    let (output, refused) = precompute(&folder, "accuracy = { displacement = 0.5 }", &[]);
+    let (output, refused) = precompute(&folder, "accuracy = { displacement = 0.5, largest = 4000 }", &[]);
     assert_eq!(output.status.code(), Some(2), "{refused}");
     assert!(refused.contains("--force") && !refused.contains(MEASURING), "{refused}");
-    assert!(chosen("accuracy = { displacement = 0.5 }", &["--force"]).contains(MEASURING));
+    assert!(chosen("accuracy = { displacement = 0.5, largest = 4000 }", &["--force"]).contains(MEASURING));
     let before = std::fs::read(&file).unwrap();
-    let (output, missed) = precompute(&folder, "accuracy = { displacement = 1e-7 }", &[]);
+    let (output, missed) = precompute(&folder, "accuracy = { displacement = 1e-7, largest = 4000 }", &[]);
     assert_eq!(output.status.code(), Some(1), "{missed}");
     assert!(!missed.contains(MEASURING), "{missed}");
     assert_eq!(std::fs::read(&file).unwrap(), before);
-    assert!(!said("accuracy = { displacement = 0.3, force = 9.0 }").contains(MEASURING));
-    assert!(!said("budget = { frame_ms = 50.0 }").contains(MEASURING));
+    assert!(!said("accuracy = { displacement = 0.3, force = 9.0, largest = 4000 }").contains(MEASURING));
+    assert!(!said("budget = { frame_ms = 50.0, largest = 4000 }").contains(MEASURING));
     assert!(said("accuracy = { displacement = 0.5, largest = 3000 }").contains(MEASURING));
 }
 
@@ -70,10 +70,13 @@ fn a_demand_that_nothing_meets_ends_with_1_and_names_the_nearest_setting() {
     let folder = folder("plan-missed");
     for (demand, key) in [
         (
-            "accuracy = { displacement = 1e-7 }",
+            "accuracy = { displacement = 1e-7, largest = 4000 }",
             "body.bar.accuracy: no setting that was measured is as accurate",
         ),
-        ("budget = { file_mb = 1e-4 }", "body.bar.budget: no setting that was measured fits the budget"),
+        (
+            "budget = { file_mb = 1e-4, largest = 4000 }",
+            "body.bar.budget: no setting that was measured fits the budget",
+        ),
     ] {
         let (output, said) = precompute(&folder, demand, &[]);
         assert_eq!(output.status.code(), Some(1), "{said}");
@@ -105,7 +108,7 @@ const SLENDER: &str = r#"
 [body.bar]
 generate = { block = { size = [0.1, 0.1, 1.0], cells = [1, 1, 8] } }
 material = { young = 1.0e6, poisson = 0.3 }
-accuracy = { force = FORCE, largest = 10000 }
+accuracy = { force = FORCE, largest = 6000 }
 [body.bar.control.low]
 nodes = { group = "zmin" }
 grab = "fixed"
