@@ -38,7 +38,7 @@ use super::entry::EffectEntry;
 
 pub(crate) const ENTRY: EffectEntry = EffectEntry {
     name: settings::NAME,
-    summary: "the body is heard as it vibrates, is rubbed, cut or strained, from where it is: loudspeakers, headphones, or a WAV file (--sound)",
+    summary: "the body is heard as it vibrates, is rubbed, cut or strained: loudspeakers, headphones, or a WAV file (--sound)",
     is_heard: true,
     settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
