@@ -105,9 +105,12 @@ pub struct EffectEntry {
     pub friction: Option<Friction>,
     /// Whether blades cut the body.
     pub is_cut: bool,
+    /// Whether work is done on a body that lists it by what rubs or cuts, as [`Dissipation`](crate::world::dissipation::Dissipation); `None`
+    /// where none ever is.
+    pub dissipates: Option<fn(&ResolvedBody) -> bool>,
     /// Whether hands with a force device feel the body.
     pub is_felt: bool,
-    /// Whether the body vibrates by it, and whether it makes that heard.
+    /// Whether the body vibrates by it, and whether it makes the body heard.
     pub vibrates: bool,
     pub is_heard: bool,
     /// Whether it shows stresses, and where a material's limit is passed.
@@ -145,6 +148,7 @@ impl EffectEntry {
         presses_points: false,
         friction: None,
         is_cut: false,
+        dissipates: None,
         is_felt: false,
         vibrates: false,
         is_heard: false,

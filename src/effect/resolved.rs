@@ -4,7 +4,7 @@
 //! parsed, or all unknown names, each with the nearest that is known; and the requirements of each body for the precomputation,
 //! or why it cannot have what it names.
 
-use super::effects::{EFFECTS, find_among, name_of};
+use super::effects::{EFFECTS, find_among};
 use super::entry::{EffectEntry, ListedEffect, Resolved, ResolvedBody};
 use super::haptics;
 use crate::base::failure::Failure;
@@ -246,7 +246,6 @@ impl ResolvedBody {
         let loads = loads_required(scene, name, body, self.model)?;
         let required = requirements(self.model, self.entries()).and(loads);
         self.check_method(scene, name, body, &required)?;
-        self.check_heard(scene, name)?;
         for suits in self.entries().filter_map(|effect| effect.suits) {
             suits(scene, name, body, self).map_err(Failure::request)?;
         }
@@ -256,20 +255,6 @@ impl ResolvedBody {
                 || !updates.modulus.is_empty() && can_update(true)
         });
         Ok(if is_of_use { required.and(Requirements::new(&[UPDATES])) } else { required })
-    }
-
-    /// Refuses a body that is to be heard and does not vibrate.
-    fn check_heard(&self, scene: &Scene, name: &str) -> Result<(), Failure> {
-        let Some(heard) = self.entries().find(|effect| effect.is_heard) else { return Ok(()) };
-        if self.entries().any(|effect| effect.vibrates) {
-            return Ok(());
-        }
-        let (needed, heard) = (name_of(|effect| effect.vibrates), heard.name);
-        let message = format!(
-            "\"{heard}\" makes the vibration of the body heard, and without \"{needed}\" it has none: write effects = \
-             [\"{needed}\", \"{heard}\"]"
-        );
-        Err(Failure::request(scene.invalid(&format!("body.{name}.effects"), message)))
     }
 
     /// Errors name what a body of boundary elements cannot have.

@@ -6,11 +6,14 @@
 //! brings up to date.
 
 use super::assets::{Assets, BodyAssets};
+use super::dissipation::Dissipation;
 use super::force_scale::ForceScale;
 use super::vibration::Vibration;
 use crate::deform::{ExpectedErrors, TouchPotential};
 use crate::render::Drawable;
 use crate::scene::Color;
+#[cfg(doc)]
+use crate::scene::Quantity;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -45,6 +48,10 @@ pub struct BodyFrame {
     pub touches: Vec<TouchPotential>,
     /// Its vibration, if it is to be heard.
     pub vibration: Option<Arc<Vibration>>,
+    /// Work of what rubs and cuts it, if it is to be heard.
+    pub dissipation: Dissipation,
+    /// The largest value of each quantity on its surface, in the order of [`Quantity::ALL`], if an effect measures them and it is to be heard.
+    pub largest: Option<[f64; 3]>,
 }
 
 /// The force of the body on the hand that holds one of its control elements.

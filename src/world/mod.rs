@@ -17,6 +17,7 @@ pub mod assets;
 pub mod body;
 pub mod body_memory;
 pub mod carry_over;
+pub mod dissipation;
 pub mod edit_state;
 pub mod flight;
 pub mod flow;

@@ -2,7 +2,7 @@
 
 use crate::memory;
 use greenstage::audio::{Listening, Mixer};
-use greenstage::effect::sound::{Frames, Listener, Player, Radiator, SoundFrame};
+use greenstage::effect::sound::{Frames, Listener, NoiseAim, Player, Radiator, SineAim, SoundFrame};
 use greenstage::stage::{SoundOutput, Stage};
 use greenstage::world::vibration::{ModeStep, Vibration, VibrationModes, VibrationStep};
 use nalgebra::{Point3, Vector3};
@@ -57,7 +57,7 @@ impl Frames for Kept {
     }
 }
 
-/// New tones, steps within a frame, frames that have piled up and none at all: nothing is allocated or freed.
+/// New tones, steps within a frame, noise and pitch, frames that have piled up and none at all: nothing is allocated or freed.
 #[test]
 fn playing_allocates_nothing() {
     let stage = Stage::find("cyberstage").unwrap();
@@ -75,7 +75,9 @@ fn playing_allocates_nothing() {
         let modes = sets[number / 5 % 2].clone();
         let struck = ModeStep { state: [0.0, 1.0], load: [0.1, 0.2, 0.0], kick: 0.1 };
         let step = VibrationStep { dt_s: 1.0 / 480.0, modes: vec![struck; modes.squares.len()] };
-        let phrase = listener.phrase(&Vibration { modes, steps: vec![step; 8] }, &radiator);
+        let mut phrase = listener.phrase(&Vibration { modes, steps: vec![step; 8] }, &radiator);
+        phrase.noise = Some(NoiseAim { square: 1e-3 * (number % 3) as f64, hertz: 300.0 * number as f64 });
+        phrase.tone = Some(SineAim { pressure: 1e-2, hertz: 110.0 + 20.0 * number as f64 });
         Box::new(SoundFrame { samples: 800, offset: 0.0, phrases: vec![phrase], paths: vec![paths] })
     };
     let coming: VecDeque<_> = (0..20).map(&mut frame).collect();

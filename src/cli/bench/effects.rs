@@ -227,7 +227,7 @@ impl Bench<'_> {
         progress.advance(1);
         let mut rows = vec![Row { effect: "none, again", beside: Vec::new(), found: again }];
         for effect in effects {
-            // What makes vibration heard needs what vibrates.
+            // What is heard is measured beside what vibrates: this block has nothing else to hear.
             let vibrating = EFFECTS.iter().filter(|other| effect.is_heard && other.vibrates);
             let beside: Vec<_> = vibrating.map(|other| other.name).collect();
             let before = costs_of(beside.clone());

@@ -150,13 +150,7 @@ impl Felt {
             }
         }
         spots.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
-        let contact = |(_, body, spot): (f64, usize, SurfaceSpot)| Contact {
-            body,
-            spot,
-            against: Against::Tool(t),
-            force: V3::zeros(),
-            before: V3::zeros(),
-        };
+        let contact = |(_, body, spot): (f64, usize, SurfaceSpot)| Contact::new(body, spot, Against::Tool(t));
         spots.into_iter().take(MOST_AHEAD).map(contact).collect()
     }
 }

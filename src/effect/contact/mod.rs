@@ -20,6 +20,7 @@ mod meeting;
 mod meeting_tests;
 mod response;
 mod round;
+mod rubbed;
 mod running;
 mod settings;
 mod shown;
@@ -41,6 +42,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     needs_energy: true,
     presses_points: true,
     friction: Some(settings::Settings::friction_of),
+    dissipates: Some(|body| settings::Settings::of(body).friction > 0.0),
     settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
     attach: Some(running::attach),

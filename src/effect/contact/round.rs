@@ -419,7 +419,7 @@ pub fn leads(bodies: &[TouchedBody], [one, two]: [usize; 2]) -> bool {
 /// Adds a contact while there is room.
 fn add(contacts: &mut Vec<Contact>, body: usize, spot: SurfaceSpot, against: Against, outcome: &mut Outcome) {
     if contacts.len() < MOST_CONTACTS {
-        contacts.push(Contact { body, spot, against, force: V3::zeros(), before: V3::zeros() });
+        contacts.push(Contact::new(body, spot, against));
         return;
     }
     outcome.warn(format!(

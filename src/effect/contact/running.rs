@@ -9,6 +9,7 @@ use super::detection::distance;
 use super::felt::{Felt, Touching};
 use super::inertial::{self, Inertias};
 use super::round::{Outcome, Step};
+use super::rubbed::add_friction;
 use super::settings::{NAME, Settings};
 use super::shown::Shown;
 use super::system::advance;
@@ -19,6 +20,7 @@ use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState};
 use crate::effect::entry::EffectInput;
 use crate::stage::Stage;
+use crate::world::dissipation::Dissipation;
 use crate::world::inertia::{Coming, Gone, Inertia, StepForces};
 use crate::world::running::{Memory, read, written};
 use crate::world::tool::{Tool, pose_between};
@@ -149,6 +151,7 @@ impl Contacts {
     /// Moves tools and bodies to where they are now.
     fn step(&mut self, world: &World, contributions: &[Contribution], given: &mut [&mut dyn Inertia]) {
         self.warnings.clear();
+        self.bodies.iter_mut().for_each(|body| body.rubbed = Dissipation::default());
         self.felt.rests();
         let mut inertias = self.inertias_of(given);
         let mut changed = self.begin(world, contributions, &mut inertias);
@@ -385,6 +388,7 @@ impl Contacts {
         let Outcome { warnings, reached, is_unfinished } =
             advance(&mut self.bodies, (&mut *inertias, share), &mut self.motion.contacts, &step);
         inertial::keep(inertias);
+        add_friction(&mut self.bodies, &self.motion.contacts, starts, near.meetings.len());
         let part = 1.0 / near.meetings.len() as f64;
         for number in 0..self.bodies.len() {
             let Some(turn) = self.bodies[number].turn_of_inertia() else { continue };
@@ -505,6 +509,7 @@ impl RunningEffect for Contacts {
     }
 
     fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
+        self.bodies.iter().for_each(|body| bodies[body.b].dissipation.add(&body.rubbed));
         if self.felt.tools().is_empty() {
             return;
         }

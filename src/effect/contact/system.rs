@@ -173,7 +173,10 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64
     let gaps = (0..contacts.len()).map(gap).collect();
     drop(w);
     for (i, contact) in contacts.iter_mut().enumerate() {
-        contact.force = turns[contact.body].tr_mul(&(bases[i] * f.fixed_rows::<3>(3 * i)));
+        let [force, slip] = [&f, &d].map(|all| all.fixed_rows::<3>(3 * i).into_owned());
+        contact.force = turns[contact.body].tr_mul(&(bases[i] * force));
+        contact.slip = slip.yz().norm();
+        contact.rubbed = (-force.yz().dot(&slip.yz())).max(0.0);
     }
     (gaps, reached)
 }

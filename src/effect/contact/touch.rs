@@ -25,6 +25,11 @@ pub struct Contact {
     /// Force where the step began; zero for a contact that is new or was let go.
     #[serde(skip)]
     pub before: V3,
+    /// Way that it has slipped in the step, m, and the work of friction on it, J.
+    #[serde(skip)]
+    pub slip: f64,
+    #[serde(skip)]
+    pub rubbed: f64,
 }
 
 /// Partner of a contact.
@@ -38,6 +43,12 @@ pub enum Against {
 }
 
 impl Contact {
+    /// A contact without a force.
+    pub fn new(body: usize, spot: SurfaceSpot, against: Against) -> Contact {
+        let (force, before) = (V3::zeros(), V3::zeros());
+        Contact { body, spot, against, force, before, slip: 0.0, rubbed: 0.0 }
+    }
+
     /// Whether it presses a body that moves by inertia.
     pub fn lives(&self, bodies: &[TouchedBody]) -> bool {
         self.sides().any(|(body, ..)| bodies[body].inertial.is_some())

@@ -5,6 +5,7 @@ use crate::deform::{Contribution, Deformer, DeformerState, PointLoad, Pull};
 use crate::green::Yield;
 use crate::mesh::surface_files::TriangleSurface;
 use crate::mesh::walls::wall_thickness;
+use crate::world::dissipation::Dissipation;
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -25,8 +26,10 @@ pub struct TouchedBody {
     pub tools: Vec<bool>,
     /// Whether a force device feels it.
     pub is_felt: bool,
-    /// Whether its vibration is heard.
+    /// Whether it is heard.
     pub is_heard: bool,
+    /// Work of friction on it in the frame, if it is heard.
+    pub rubbed: Dissipation,
     /// The body without what the columns of its contacts show, with everything else that acts on it.
     pub free: Deformer,
     /// Whether a node takes forces in this frame: it has a column, or belongs to a control element that moves by inertia.
@@ -174,6 +177,7 @@ impl TouchedBody {
             tools,
             is_felt,
             is_heard: false,
+            rubbed: Dissipation::default(),
             takes: yields.clone(),
             yields,
             others: free.no_contribution(),

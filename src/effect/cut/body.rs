@@ -10,6 +10,7 @@ use crate::deform::{AppliedLoads, Deformer, Pull};
 use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
 use crate::mesh::split::{CutEdges, Split, TetCorner};
 use crate::world::World;
+use crate::world::dissipation::Dissipation;
 use nalgebra::{Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -43,6 +44,9 @@ pub struct CutBody {
     /// Pieces that have fallen off.
     fallen: Vec<Fallen>,
     pub is_felt: bool,
+    /// Whether it is heard, and the work of the blades in the frame if it is.
+    pub is_heard: bool,
+    pub torn: Dissipation,
     /// Toughness, J/m², where the force of cutting is asked for, and the mean length of the mesh's edges, m.
     toughness: f64,
     length: f64,
@@ -139,6 +143,8 @@ impl CutBody {
             toughness,
             length,
             is_felt,
+            is_heard: false,
+            torn: Dissipation::default(),
             resistances: vec![Resistance::default(); if toughness > 0.0 { blades } else { 0 }],
             shown: state.moved.clone(),
             last: state.moved.clone(),
@@ -243,6 +249,7 @@ impl CutBody {
 
     /// Takes what the blades near the body have done in a frame; all others have left it. `scale` is its size in the room against its own.
     pub fn resist(&mut self, near: &[&Swept], passed: &[Passed], scale: f64) {
+        self.torn = Dissipation::default();
         for (blade, resistance) in self.resistances.iter_mut().enumerate() {
             let own = near.iter().zip(passed).find(|(swept, _)| swept.blade == blade);
             let Some((swept, passed)) = own else {
@@ -251,7 +258,13 @@ impl CutBody {
             };
             let place = (passed.count > 0).then(|| Point3::from(passed.places / passed.count as f64));
             let at = place.map(|place| swept.room_from_blade.inverse_transform_point(&place).coords);
-            resistance.step(self.toughness * passed.area, at, &(swept.sweep.moved() / scale), self.length);
+            let (before, moved) = (resistance.work(), swept.sweep.moved());
+            resistance.step(self.toughness * passed.area, at, &(moved / scale), self.length);
+            if self.is_heard {
+                let place = swept.room_from_blade * Point3::from(*resistance.at());
+                let done = resistance.work() - before;
+                self.torn.add(&Dissipation::of(done, &place.coords, moved.norm()));
+            }
         }
     }
 

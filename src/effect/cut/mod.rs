@@ -38,6 +38,7 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     requirements: &[STIFFNESS, VOLUME],
     needs_inside: true,
     is_cut: true,
+    dissipates: Some(|body| settings::Settings::of(body).toughness > 0.0),
     settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
     attach: Some(running::attach),

@@ -85,7 +85,9 @@ pub fn attach(
         let toughness = Settings::of(resolved).toughness;
         let is_felt = resolved.entries().any(|effect| effect.is_felt);
         let wrong = |message: String| Failure::request(anyhow::anyhow!("body.{name}: {message}"));
-        bodies.push(CutBody::new(b, name, file, (toughness, blades.len(), is_felt)).map_err(wrong)?);
+        let mut body = CutBody::new(b, name, file, (toughness, blades.len(), is_felt)).map_err(wrong)?;
+        body.is_heard = resolved.entries().any(|effect| effect.is_heard);
+        bodies.push(body);
     }
     let mut tools = Vec::new();
     for (name, tool) in listed.scene.tool.iter().filter(|(_, tool)| !tool.shape.is_blade()) {
@@ -247,6 +249,7 @@ impl RunningEffect for Cuts {
     }
 
     fn surface(&mut self, world: &World, bodies: &mut [BodyFrame]) {
+        self.bodies.iter().for_each(|body| bodies[body.b].dissipation.add(&body.torn));
         for body in self.bodies.iter().filter(|body| body.is_felt) {
             let scale = world.bodies[body.b].room_from_body.scaling();
             for carried in shown::carried(&self.blades, world) {

@@ -1,8 +1,9 @@
-//! Frames of a body as a voice plays them.
+//! Modes of a body as a voice plays them.
 //!
 //! In: the vibration of one frame after the other. Out: for each a [`Phrase`], with the jumps of z where its steps begin, as [`Tone`] has
 //! them.
 
+use super::phrase::{Beat, Phrase};
 use super::radiation::Radiator;
 use super::ringing::Ringing;
 #[cfg(doc)]
@@ -11,23 +12,6 @@ use super::tones::Tones;
 use crate::world::vibration::Vibration;
 use nalgebra::Complex;
 use std::sync::Arc;
-
-/// A frame of one body, to be played.
-#[derive(Debug, Default)]
-pub struct Phrase {
-    /// Tones at rest that take the place of those before, where they are others.
-    pub fresh: Option<Ringing>,
-    pub beats: Vec<Beat>,
-}
-
-/// The beginning of a step.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Beat {
-    /// Time since the frame began, s.
-    pub at_s: f64,
-    /// Jump of z of each tone.
-    pub jumps: Vec<Complex<f64>>,
-}
 
 /// Frames of one body turned into phrases.
 pub struct Listener {
@@ -85,7 +69,8 @@ impl Listener {
             at_s += step.dt_s;
             beats.push(beat);
         }
-        Phrase { fresh: (!is_same).then(|| Ringing::new(&tones, self.rate_hz)), beats }
+        let fresh = (!is_same).then(|| Ringing::new(&tones, self.rate_hz));
+        Phrase { fresh, beats, ..Phrase::default() }
     }
 
     /// Forgets what was heard last: the next frame does not go on from it.

@@ -1,11 +1,11 @@
-//! The voices of all bodies, mixed into the channels of a stage.
+//! The voices of all sources, mixed into the channels of a stage.
 //!
 //! In: frames, one after the other, each as long as the world's frame. Out: as many samples as are asked for, wherever a frame begins or ends
 //! meanwhile. Where the next frame is late, bodies ring on, and it is taken up where it would be by then: the time of the voices is that
 //! of the world. Where frames have piled up, they are taken up a little later than they begin. It runs in the audio thread: no lock, no
 //! allocation, and what is done with is handed back.
 
-use super::listener::Phrase;
+use super::phrase::Phrase;
 use super::voice::Voice;
 use crate::audio::{Listening, Mixer, Paths};
 
@@ -19,14 +19,14 @@ const AHEAD_S: f64 = 0.05;
 /// Part of a sample by which the beginning of a step is rounded.
 const EXACT: f64 = 1e-6;
 
-/// A frame of all bodies.
+/// A frame of all sources.
 #[derive(Debug, Default)]
 pub struct SoundFrame {
     /// Its length.
     pub samples: usize,
     /// Time from its first sample to its beginning, in samples, less than one.
     pub offset: f64,
-    /// Of each body, and how it reaches the channels at the end.
+    /// Of each source, and how it reaches the channels at the end.
     pub phrases: Vec<Phrase>,
     pub paths: Vec<Paths>,
 }
@@ -39,11 +39,11 @@ pub trait Frames {
     fn waiting(&self) -> usize;
 }
 
-/// The voices of all bodies.
+/// The voices of all sources.
 pub struct Player {
     rate_hz: f64,
     channels: usize,
-    bodies: Vec<Body>,
+    sources: Vec<Sounding>,
     mixer: Mixer,
     block: Vec<f32>,
     now: Option<Playing>,
@@ -51,7 +51,7 @@ pub struct Player {
     ahead: Option<usize>,
 }
 
-struct Body {
+struct Sounding {
     voice: Voice,
     /// Where the last frame ended, and where this one ends.
     from: Paths,
@@ -68,13 +68,16 @@ struct Playing {
 }
 
 impl Player {
-    pub fn new(listening: &Listening, rate_hz: f64, bodies: usize) -> Player {
-        let body = |_| Body { voice: Voice::new(rate_hz), from: Paths::SILENT, to: Paths::SILENT, begun: 0 };
+    pub fn new(listening: &Listening, rate_hz: f64, sources: usize) -> Player {
+        let source = |number: usize| {
+            let (voice, silent) = (Voice::new(rate_hz, number as u64 + 1), Paths::SILENT);
+            Sounding { voice, from: silent, to: silent, begun: 0 }
+        };
         Player {
             rate_hz,
             channels: listening.channels(),
-            bodies: (0..bodies).map(body).collect(),
-            mixer: Mixer::new(listening, rate_hz, bodies),
+            sources: (0..sources).map(source).collect(),
+            mixer: Mixer::new(listening, rate_hz, sources),
             block: vec![0.0; BLOCK],
             now: None,
             ahead: None,
@@ -111,46 +114,46 @@ impl Player {
     fn begin(&mut self, frames: &mut dyn Frames) {
         let Some(mut frame) = frames.next() else { return };
         let is_first = self.ahead.is_none();
-        for (number, body) in self.bodies.iter_mut().enumerate() {
-            if let Some(phrase) = frame.phrases.get_mut(number) {
-                body.voice.begin(phrase);
-            }
-            let to = frame.paths.get(number).copied().unwrap_or(body.to);
-            (body.from, body.to) = (if is_first { to } else { body.to }, to);
-            body.begun = 0;
-        }
         let ahead = self.ahead.unwrap_or(0);
         let left_out = if frames.waiting() > PILE { frame.samples / LEFT_OUT } else { 0 };
+        let at = ahead.max(left_out).min(frame.samples);
+        for (number, source) in self.sources.iter_mut().enumerate() {
+            if let Some(phrase) = frame.phrases.get_mut(number) {
+                source.voice.begin(phrase, frame.samples - at);
+            }
+            let to = frame.paths.get(number).copied().unwrap_or(source.to);
+            (source.from, source.to) = (if is_first { to } else { source.to }, to);
+            source.begun = 0;
+        }
         let most = (AHEAD_S * self.rate_hz) as usize;
         // While the world's clock stands, it is not overtaken.
         self.ahead = Some(if frame.samples == 0 { 0 } else { ahead.saturating_sub(frame.samples).min(most) });
-        let at = ahead.max(left_out).min(frame.samples);
         self.now = Some(Playing { frame, at });
     }
 
     fn end(&mut self, frames: &mut dyn Frames) {
         let Some(Playing { frame, .. }) = self.now.take() else { return };
-        for (body, phrase) in self.bodies.iter_mut().zip(&frame.phrases) {
-            for beat in phrase.beats.iter().skip(body.begun) {
-                body.voice.beat(beat, frame.samples as f64 / self.rate_hz - beat.at_s);
+        for (source, phrase) in self.sources.iter_mut().zip(&frame.phrases) {
+            for beat in phrase.beats.iter().skip(source.begun) {
+                source.voice.beat(beat, frame.samples as f64 / self.rate_hz - beat.at_s);
             }
         }
         frames.done(frame);
     }
 
-    /// Plays samples of all bodies, within the frame if there is one.
+    /// Plays samples of all sources, within the frame if there is one.
     fn play(&mut self, out: &mut [f32], count: usize) {
-        let Player { rate_hz, bodies, mixer, block, now, ahead, .. } = self;
+        let Player { rate_hz, sources, mixer, block, now, ahead, .. } = self;
         let block = &mut block[..count];
         if block.is_empty() {
             return;
         }
-        for (number, body) in bodies.iter_mut().enumerate() {
+        for (number, source) in sources.iter_mut().enumerate() {
             let paths = match now {
-                Some(playing) => body.play(number, playing, *rate_hz, block),
+                Some(playing) => source.play(number, playing, *rate_hz, block),
                 None => {
-                    body.voice.fill(block);
-                    body.to
+                    source.voice.fill(block);
+                    source.to
                 }
             };
             mixer.add(number, &paths, block, out);
@@ -163,7 +166,7 @@ impl Player {
     }
 }
 
-impl Body {
+impl Sounding {
     /// Plays samples within a frame; its paths where they end.
     fn play(&mut self, number: usize, playing: &Playing, rate_hz: f64, block: &mut [f32]) -> Paths {
         let Playing { frame, at } = playing;
@@ -272,7 +275,7 @@ mod tests {
             let ended = frames[5].phrases[0].beats[0].clone();
             let turned = nalgebra::Complex::new(0.0, TAU * 500.0 * 5.0 / 60.0).exp();
             let begun = frames[0].phrases[0].beats[0].jumps[0];
-            let stop = super::super::listener::Beat { jumps: vec![-begun * turned], ..ended };
+            let stop = super::super::phrase::Beat { jumps: vec![-begun * turned], ..ended };
             frames[5].phrases[0].beats = vec![stop];
             let mut queue = Queue::default();
             let (mut all, mut waits) = (Vec::new(), 0);
@@ -314,6 +317,37 @@ mod tests {
         // ω/48000 of the amplitude from sample to sample.
         let steepest = left[200..].windows(2).map(|two| (two[1] - two[0]).abs()).fold(0.0, f32::max);
         assert!(steepest < 0.07 * loudest, "{steepest} of {loudest}");
+    }
+
+    /// A noise whose frames come late goes on; where none comes any more it falls to zero within 50 ms, and rises again with the next.
+    #[test]
+    fn a_noise_without_frames_ends() {
+        let stage = Stage::find("desktop").unwrap();
+        let listening = Listening::new(&stage);
+        let paths = listening.paths(&stage.viewer.room_from_head, &nalgebra::Point3::origin());
+        let frame = || {
+            let noise = Some(super::super::noise::NoiseAim { square: 1e-4, hertz: 2000.0 });
+            let phrases = vec![Phrase { noise, ..Phrase::default() }];
+            Box::new(SoundFrame { samples: 800, offset: 0.0, phrases, paths: vec![paths] })
+        };
+        let mut player = Player::new(&listening, RATE_HZ, 1);
+        let mut queue = Queue::default();
+        let mut square = |player: &mut Player, frames: usize, samples: usize| {
+            queue.coming.extend((0..frames).map(|_| frame()));
+            let mut out = vec![0.0; 2 * samples];
+            player.fill(&mut out, &mut queue);
+            out.iter().map(|p| f64::from(*p).powi(2)).sum::<f64>() / samples as f64
+        };
+        square(&mut player, 1, 800);
+        let steady = square(&mut player, 1, 800);
+        // 5 ms late.
+        let late = [square(&mut player, 0, 240), square(&mut player, 1, 560)];
+        println!("late: {} and {} of {steady}", late[0], late[1]);
+        assert!(late.iter().all(|part| (part / steady - 1.0).abs() < 0.5), "{late:?} {steady}");
+        square(&mut player, 0, 2400);
+        assert_eq!(square(&mut player, 0, 800), 0.0);
+        let again = [square(&mut player, 1, 800), square(&mut player, 1, 800)];
+        assert!(again.iter().all(|part| *part > 0.1 * steady), "{again:?} {steady}");
     }
 
     /// Two bodies, one on the left and one on the right of a desk, each in its own channel and with its own steps.

@@ -20,6 +20,11 @@ use nalgebra::{Matrix3, Vector3};
 /// Density of air at 20 °C, kg/m³.
 const AIR: f64 = 1.204;
 
+/// Mean square of the pressure at 1 m from what radiates this power alike in all directions, W and Pa²: P ρ c/4π.
+pub fn mean_square(power: f64) -> f64 {
+    power * AIR * SPEED_OF_SOUND / (4.0 * std::f64::consts::PI)
+}
+
 /// The surface that radiates.
 pub struct Radiator {
     /// Nodes of each triangle with its outward normal, as long as its area, m².

@@ -1,27 +1,23 @@
 //! The effect in a world: the sound of each frame, when somebody asks for it.
 
-use super::listener::Listener;
 use super::player::{Frames, Player, SoundFrame};
-use super::radiation::Radiator;
-use super::settings::{NAME, Settings};
+use super::settings::NAME;
+use super::source::Source;
 use crate::audio::Listening;
 use crate::base::failure::Failure;
 use crate::effect::entry::EffectInput;
 use crate::world::running::Heard;
 use crate::world::{Frame, RunningEffect, World};
-use nalgebra::{Point3, Vector3};
 
 /// Samples of a second in files.
 const RATE_HZ: u32 = 48_000;
 
 /// The longest frame, s.
 const LONGEST_S: f64 = 1.0;
-/// Time for which a body may be without its modes before that is told, s.
-const SILENT_S: f64 = 0.5;
 
-/// All bodies that are heard.
+/// All that is heard.
 pub struct Ensemble {
-    bodies: Vec<HeardBody>,
+    sources: Vec<Source>,
     listening: Listening,
     rate_hz: f64,
     /// Time of all frames, s, and their samples.
@@ -29,31 +25,11 @@ pub struct Ensemble {
     samples: u64,
 }
 
-pub struct HeardBody {
-    b: usize,
-    name: String,
-    radiator: Radiator,
-    gain: f64,
-    listener: Listener,
-    /// Time since its modes were heard, s.
-    silent_s: f64,
-}
-
 impl Ensemble {
     pub fn new(listed: &EffectInput<'_>, world: &World, rate_hz: f64) -> Ensemble {
-        let body = |&(b, name): &(usize, &str)| {
-            let deformer = &world.bodies[b].deformer;
-            HeardBody {
-                b,
-                name: name.to_owned(),
-                radiator: Radiator::new(deformer.rest(), deformer.triangles()),
-                gain: Settings::of(&listed.scene.bodies[name]).gain(),
-                listener: Listener::new(rate_hz),
-                silent_s: 0.0,
-            }
-        };
+        let of = |&(b, name): &(usize, &str)| Source::all((b, &listed.scene.bodies[name]), world, rate_hz);
         Ensemble {
-            bodies: listed.bodies.iter().map(body).collect(),
+            sources: listed.bodies.iter().flat_map(of).collect(),
             listening: Listening::new(&world.assets.stage),
             rate_hz,
             time_s: 0.0,
@@ -76,61 +52,30 @@ impl Ensemble {
         };
         self.samples = ends;
         let mut warnings = Vec::new();
-        for body in &mut self.bodies {
-            let mut paths = self.listening.paths(&world.room_from_head, &middle(world, body.b));
-            paths.0.iter_mut().for_each(|path| path.gain *= body.gain as f32);
+        for source in &mut self.sources {
+            let phrase = source.phrase(is_frame.then_some(&frame.bodies[source.b]), dt_s);
+            let mut paths = self.listening.paths(&world.room_from_head, &source.place(world));
+            paths.0.iter_mut().for_each(|path| path.gain *= source.gain as f32);
+            of_frame.phrases.push(phrase);
             of_frame.paths.push(paths);
-            let vibration = frame.bodies[body.b].vibration.as_ref().filter(|_| is_frame);
-            of_frame.phrases.push(match vibration {
-                Some(vibration) => {
-                    body.silent_s = 0.0;
-                    body.listener.phrase(vibration, &body.radiator)
-                }
-                None => {
-                    body.listener.break_off();
-                    let was_told = body.silent_s > SILENT_S;
-                    body.silent_s += dt_s;
-                    if !was_told && body.silent_s > SILENT_S {
-                        warnings.push(body.silence(world));
-                    }
-                    Default::default()
-                }
-            });
+            warnings.extend(source.silence(world));
         }
         (of_frame, warnings)
     }
 
     /// Forgets what was heard last.
     pub fn break_off(&mut self) {
-        self.bodies.iter_mut().for_each(|body| body.listener.break_off());
+        self.sources.iter_mut().for_each(Source::break_off);
     }
 
     pub fn listening(&self) -> &Listening {
         &self.listening
     }
 
-    /// A player for all bodies.
+    /// A player for all sources.
     pub fn player(&self) -> Player {
-        Player::new(&self.listening, self.rate_hz, self.bodies.len())
+        Player::new(&self.listening, self.rate_hz, self.sources.len())
     }
-}
-
-impl HeardBody {
-    fn silence(&self, world: &World) -> String {
-        let (name, model) = (&self.name, world.bodies[self.b].deformer.entry.name);
-        format!(
-            "body.{name} is silent while some of its elements are held and others released: its model \"{model}\" has other modes in \
-             every step. Write model = \"linear\", or hold or release all elements"
-        )
-    }
-}
-
-/// The middle of a body's surface in the room.
-fn middle(world: &World, b: usize) -> Point3<f64> {
-    let body = &world.bodies[b];
-    let places = body.deformer.positions();
-    let sum: Vector3<f64> = places.iter().map(|place| Vector3::from(place.map(f64::from))).sum();
-    body.room_from_body * Point3::from(sum / places.len().max(1) as f64)
 }
 
 /// The sound of each frame, from the second time on that somebody asks for it.

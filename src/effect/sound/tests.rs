@@ -201,13 +201,3 @@ fn a_gain_is_heard() {
     let louder = level("effect.sound.gain_db = 6.0206") / level("");
     assert!((louder - 2.0).abs() < 1e-3, "{louder}");
 }
-
-#[test]
-fn a_body_that_does_not_vibrate_is_refused() {
-    let text = "[body.b]\ngenerate = { block = { size = [1.0, 0.1, 0.1], cells = [4, 1, 1] } }\n\
-                material = { young = 1e6, poisson = 0.3 }\neffects = [\"sound\"]\n\
-                control.a = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
-    let scene = Resolved::parse(text, Path::new("b.toml")).unwrap();
-    let error = scene.requirements("b").unwrap_err().to_string();
-    assert!(error.contains("write effects = [\"dynamics\", \"sound\"]"), "{error}");
-}

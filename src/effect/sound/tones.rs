@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Frequencies that people hear, Hz.
-const AUDIBLE: [f64; 2] = [16.0, 20_000.0];
+pub const AUDIBLE: [f64; 2] = [16.0, 20_000.0];
 
 /// A mode that is heard.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,10 +1,12 @@
-//! The sound of one body, sample by sample.
+//! The sound of one source, sample by sample.
 //!
 //! In: phrases of its frames. Out: pressure at 1 m, Pa. Nothing here allocates, locks or waits once a voice is made: what is fresh is swapped
 //! with what it replaces.
 
-use super::listener::{Beat, Phrase};
+use super::noise::Noise;
+use super::phrase::{Beat, Phrase};
 use super::ringing::Ringing;
+use super::sine::Sine;
 use nalgebra::Complex;
 
 /// |z|² below which a tone has ended, kg m².
@@ -12,7 +14,7 @@ const FADED: f64 = 1e-40;
 /// Time in which tones that are replaced fade away, s.
 const FADE_S: f64 = 0.005;
 
-/// The sound of one body.
+/// The sound of one source.
 #[derive(Debug)]
 pub struct Voice {
     rate_hz: f64,
@@ -20,15 +22,22 @@ pub struct Voice {
     /// Tones that were replaced, and samples until they have faded away.
     fading: Ringing,
     left: usize,
+    noise: Noise,
+    tone: Sine,
 }
 
 impl Voice {
-    pub fn new(rate_hz: f64) -> Voice {
-        Voice { rate_hz, ringing: Ringing::default(), fading: Ringing::default(), left: 0 }
+    /// A silent voice, whose noise is another one for each seed.
+    pub fn new(rate_hz: f64, seed: u64) -> Voice {
+        let (ringing, fading) = (Ringing::default(), Ringing::default());
+        let (noise, tone) = (Noise::new(rate_hz, seed), Sine::new(rate_hz));
+        Voice { rate_hz, ringing, fading, left: 0, noise, tone }
     }
 
-    /// Begins a phrase; what it replaces goes into it in the end.
-    pub fn begin(&mut self, phrase: &mut Phrase) {
+    /// Begins a phrase that ends after so many samples; what it replaces goes into it in the end.
+    pub fn begin(&mut self, phrase: &mut Phrase, samples: usize) {
+        phrase.noise.iter().for_each(|aim| self.noise.go(aim, samples));
+        phrase.tone.iter().for_each(|aim| self.tone.go(aim, samples));
         let Some(fresh) = &mut phrase.fresh else { return };
         std::mem::swap(&mut self.ringing, fresh);
         std::mem::swap(&mut self.fading, fresh);
@@ -46,6 +55,12 @@ impl Voice {
     /// Writes the next samples.
     pub fn fill(&mut self, samples: &mut [f32]) {
         samples.fill(0.0);
+        self.ring(samples);
+        self.noise.add(samples);
+        self.tone.add(samples);
+    }
+
+    fn ring(&mut self, samples: &mut [f32]) {
         if self.left == 0 {
             return self.ringing.add(samples, |_| 1.0);
         }
@@ -122,7 +137,7 @@ mod tests {
         let of = [1234.0, 30.0];
         let (modes, radiator) = body(&[of]);
         let mut listener = Listener::new(RATE_HZ);
-        let mut voice = Voice::new(RATE_HZ);
+        let mut voice = Voice::new(RATE_HZ, 0);
         let pressure = radiator.pressure(&modes.shapes[0], TAU * of[0]);
         let begins_s = 0.004;
         let mut heard = Vec::new();
@@ -140,7 +155,7 @@ mod tests {
                 at_s = end_s;
             }
             let mut phrase = listener.phrase(&Vibration { modes: modes.clone(), steps }, &radiator);
-            voice.begin(&mut phrase);
+            voice.begin(&mut phrase, 800);
             let mut samples = vec![0.0; 800];
             let mut done = 0;
             for (n, beat) in phrase.beats.iter().enumerate() {
@@ -174,8 +189,8 @@ mod tests {
         let steps = vec![VibrationStep { dt_s: FRAME_S, modes: vec![struck; 4] }];
         let mut phrase = Listener::new(RATE_HZ).phrase(&Vibration { modes, steps }, &radiator);
         assert_eq!(phrase.beats[0].jumps.len(), 2, "neither what is too high nor too low to be heard");
-        let mut voice = Voice::new(RATE_HZ);
-        voice.begin(&mut phrase);
+        let mut voice = Voice::new(RATE_HZ, 0);
+        voice.begin(&mut phrase, 800);
         voice.beat(&phrase.beats[0], 0.0);
         let level = |voice: &mut Voice| {
             let mut samples = [0.0; 4800];
@@ -195,7 +210,7 @@ mod tests {
         let play = |swaps: bool| {
             let (modes, radiator) = body(&[[500.0, 0.0]]);
             let (others, _) = body(&[[500.0, 0.0]]);
-            let (mut listener, mut voice) = (Listener::new(RATE_HZ), Voice::new(RATE_HZ));
+            let (mut listener, mut voice) = (Listener::new(RATE_HZ), Voice::new(RATE_HZ, 0));
             let mut heard = Vec::new();
             for frame in 0..6 {
                 let omega = TAU * 500.0;
@@ -205,7 +220,7 @@ mod tests {
                 let modes = if swaps && frame >= 3 { others.clone() } else { modes.clone() };
                 let mut phrase = listener.phrase(&Vibration { modes, steps }, &radiator);
                 assert_eq!(phrase.fresh.is_some(), frame == 0 || swaps && frame == 3);
-                voice.begin(&mut phrase);
+                voice.begin(&mut phrase, 800);
                 voice.beat(&phrase.beats[0], 0.0);
                 let mut samples = [0.0; 800];
                 // In pieces, as a device asks for them.

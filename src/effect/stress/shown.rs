@@ -34,6 +34,7 @@ pub fn attach(
             was_beyond: false,
             worst: Peaks::default(),
             codes: Arc::default(),
+            is_heard: listed.scene.bodies[name].entries().any(|effect| effect.is_heard),
         });
     }
     let settings = listed.scene.legend.unwrap_or_default();
@@ -119,6 +120,8 @@ struct ShownBody {
     worst: Peaks,
     /// The code of every node.
     codes: Arc<Vec<[u8; 4]>>,
+    /// Whether another effect makes the body heard.
+    is_heard: bool,
 }
 
 /// The memory from one frame to the next: the ends of the colours, and the most that each body has reached.
@@ -273,7 +276,9 @@ impl RunningEffect for Shown {
             self.bodies.iter_mut().for_each(|body| body.codes = Arc::new(body.coded(shown, coded.1)));
         }
         for body in &self.bodies {
-            bodies[body.index].colours = Some(body.codes.clone());
+            let of_body = &mut bodies[body.index];
+            of_body.colours = Some(body.codes.clone());
+            of_body.largest = body.is_heard.then(|| Quantity::ALL.map(|quantity| body.largest(quantity)));
         }
     }
 
