@@ -16,31 +16,31 @@ use std::path::Path;
 type V3 = Vector3<f64>;
 
 /// Two bodies, "low" and "high", each with a control element "hand".
-struct Two {
-    world: World,
-    frame: usize,
+pub struct Two {
+    pub world: World,
+    pub frame: usize,
 }
 
 impl Two {
-    fn of(text: &str, path: &Path) -> Two {
+    pub fn of(text: &str, path: &Path) -> Two {
         let scene = Resolved::parse(text, path).unwrap();
         Two { world: world(&scene, &file(&scene)), frame: 0 }
     }
 
     /// Moves the hand of a body, by its number.
-    fn hand(&mut self, b: usize, translation: V3) {
+    pub fn hand(&mut self, b: usize, translation: V3) {
         let pose = self.world.fields.bodies[b].poses[0];
         let matrix = Matrix3::identity();
         self.world.graph.set(pose, ControlPose { translation, matrix }).unwrap();
     }
 
-    fn step(&mut self) {
+    pub fn step(&mut self) {
         self.frame += 1;
         let time_s = self.frame as f64 / 60.0;
         self.world.step(&TrackerState { head: None, styli: Vec::new(), time_s }.into());
     }
 
-    fn contacts(&self) -> Vec<Contact> {
+    pub fn contacts(&self) -> Vec<Contact> {
         let motion: Motion = read(&self.world.effects[0].memory().unwrap()).unwrap();
         motion.contacts
     }
@@ -52,7 +52,7 @@ impl Two {
     }
 
     /// Force of a body on its hand, N.
-    fn on_hand(&self, b: usize) -> V3 {
+    pub fn on_hand(&self, b: usize) -> V3 {
         self.world.bodies[b].deformer.wrenches().unwrap().0[0].force
     }
 
@@ -101,6 +101,25 @@ fn two_blocks_on_each_other_are_one_column() {
     }
 }
 
+/// Two bodies of the mesh at `path`, "low" and "high", pressed onto each other by `depth`: the other one is turned over, and by `turn` about
+/// the vertical.
+pub fn two_layers(path: &Path, nu: f64, depth: f64, turn: f64) -> Two {
+    let mesh = path.file_name().unwrap();
+    let bottom = "plane = { point = [0.0, -1.0, 0.0], normal = [0.0, 1.0, 0.0], distance = 1e-6 }";
+    let body = |name: &str, place: &str| {
+        format!(
+            "[body.{name}]\nmesh = {mesh:?}\nelement = \"tet10\"\nmaterial = {{ young = {YOUNG}, poisson = {nu} }}\n\
+             effects = [\"contact\"]\neffect.contact = {{ friction = 0.0 }}\nplace = {{ scale = 1.0, {place} }}\n\
+             control.hand = {{ nodes = {{ {bottom} }}, grab = \"fixed\" }}\n"
+        )
+    };
+    let low = body("low", "position = [0.0, 0.0, 0.0]");
+    // A half turn about an axis in the plane of contact turns it over, and by twice the axis' angle about the vertical.
+    let axis = V3::new(PI * f64::cos(turn / 2.0), 0.0, PI * f64::sin(turn / 2.0));
+    let high = format!("position = [0.0, {:?}, 0.0], rotation = [{:?}, 0.0, {:?}]", -depth, axis.x, axis.z);
+    Two::of(&(low + &body("high", &high)), &path.with_extension("toml"))
+}
+
 /// Hertz: two equal balls, each a layer that is bonded to its base; nodes on nodes, and turned against each other.
 #[test]
 fn two_equal_balls_press_with_hertzs_force() {
@@ -108,22 +127,9 @@ fn two_equal_balls_press_with_hertzs_force() {
     let expected = layer(radius, depth / 2.0, 1.0, nu);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.mesh");
-    let body = |name: &str, place: &str| {
-        format!(
-            "[body.{name}]\nmesh = \"ball.mesh\"\nelement = \"tet10\"\nmaterial = {{ young = {YOUNG}, poisson = {nu} }}\n\
-             effects = [\"contact\"]\neffect.contact = {{ friction = 0.0 }}\nplace = {{ scale = 1.0, {place} }}\n\
-             control.hand = {{ nodes = {{ plane = {{ point = [0.0, -1.0, 0.0], normal = [0.0, 1.0, 0.0], distance = 1e-6 }} }}, grab = \"fixed\" }}\n"
-        )
-    };
     for (cells, turn, most) in [([8, 5, 8], 0.0, 0.05), ([8, 5, 8], 0.7, 0.05), ([12, 8, 12], 0.7, 0.03)] {
-        graded(cells, 1.0 / radius, &path);
-        let low = body("low", "position = [0.0, 0.0, 0.0]");
-        // A half turn about an axis in the plane of contact turns the other ball over, and by twice its angle about the vertical.
-        let axis = V3::new(PI * f64::cos(turn / 2.0), 0.0, PI * f64::sin(turn / 2.0));
-        let high =
-            format!("position = [0.0, {:?}, 0.0], rotation = [{:?}, 0.0, {:?}]", -depth, axis.x, axis.z);
-        let high = body("high", &high);
-        let mut two = Two::of(&(low + &high), &folder.path().join("balls.toml"));
+        graded(cells, [1.0 / radius; 2], &path);
+        let mut two = two_layers(&path, nu, depth, turn);
         two.step();
         let force = two.on_hand(0).y;
         println!(

@@ -28,6 +28,8 @@ mod slides;
 mod system;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod theory_tests;
 mod touch;
 mod touched_body;
 mod way;

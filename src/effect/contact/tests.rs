@@ -21,9 +21,9 @@ type V3 = Vector3<f64>;
 pub const YOUNG: f64 = 1.0e5;
 
 /// A world with one body, and a tool in the hand.
-struct Touched {
-    world: World,
-    frame: usize,
+pub struct Touched {
+    pub world: World,
+    pub frame: usize,
 }
 
 /// A block about the origin, held at one side, and a tool of this shape.
@@ -78,7 +78,7 @@ pub fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
     world
 }
 
-fn at(place: V3) -> Isometry3<f64> {
+pub fn at(place: V3) -> Isometry3<f64> {
     Translation3::from(place).into()
 }
 
@@ -88,7 +88,7 @@ fn ceiling(place: V3) -> Isometry3<f64> {
 }
 
 impl Touched {
-    fn put(&mut self, room_from_stylus: Isometry3<f64>) {
+    pub fn put(&mut self, room_from_stylus: Isometry3<f64>) {
         self.track(StylusState { room_from_stylus: room_from_stylus.cast(), ..Default::default() });
     }
 
@@ -103,15 +103,15 @@ impl Touched {
     }
 
     /// Force on the tool, N. The body's axes are those of the room.
-    fn force(&self) -> V3 {
+    pub fn force(&self) -> V3 {
         -self.motion().contacts.iter().map(|contact| contact.force).sum::<V3>()
     }
 
-    fn contacts(&self) -> usize {
+    pub fn contacts(&self) -> usize {
         self.motion().contacts.len()
     }
 
-    fn body(&self) -> &Deformer {
+    pub fn body(&self) -> &Deformer {
         &self.world.bodies[0].deformer
     }
 
@@ -176,14 +176,15 @@ pub fn layer(radius: f64, depth: f64, thickness: f64, nu: f64) -> f64 {
             + 16.0 * alpha / PI.powi(4) * (alpha.powi(3) + 3.0 * PI.powi(2) / 5.0 * beta) * chi.powi(4))
 }
 
-/// A block of half side 1 m whose cells shrink towards the middle of its top, which near there falls off by `round` (x² + z²)/2, as a file in which the
-/// bottom is told by its place.
-pub fn graded(cells: [u32; 3], round: f64, path: &Path) {
+/// A block of half side 1 m whose cells shrink towards the middle of its top, which near there falls off by (x²/R₁ + z²/R₂)/2 with `round`
+/// = \[1/R₁, 1/R₂\], as a file in which the bottom is told by its place.
+pub fn graded(cells: [u32; 3], round: [f64; 2], path: &Path) {
     let mesh = block(&Block { size: [2.0, 1.0, 2.0], cells }).unwrap();
     let finer = |t: f64| t.signum() * t.abs().powf(2.5);
     let place = |x: &V3| {
         let [x, y, z] = [finer(x.x), -finer(0.5 - x.y), finer(x.z)];
-        [x, y - (1.0 + y) * 0.06 * (1.0 - (-round * (x * x + z * z) / 0.12).exp()), z]
+        let fall = round[0] * x * x + round[1] * z * z;
+        [x, y - (1.0 + y) * 0.06 * (1.0 - (-fall / 0.12).exp()), z]
     };
     medit(&mesh, &place, path);
 }
@@ -202,6 +203,22 @@ pub fn medit(mesh: &TetMesh, place: &dyn Fn(&V3) -> [f64; 3], path: &Path) {
     std::fs::write(path, text + "End\n").unwrap();
 }
 
+/// A tool of this shape above the body in "block.mesh", which is held at y = -1 and smooth.
+pub fn on_layer(shape: &str, nu: f64, folder: &Path) -> Touched {
+    let bottom = "plane = { point = [0.0, -1.0, 0.0], normal = [0.0, 1.0, 0.0], distance = 1e-6 }";
+    let text = format!(
+        "[tool.probe]\nshape = {shape}\nstylus = 1\n\
+         [body.b]\nmesh = \"block.mesh\"\nelement = \"tet10\"\n\
+         material = {{ young = {YOUNG}, poisson = {nu} }}\n\
+         effects = [\"contact\"]\neffect.contact = {{ friction = 0.0 }}\n\
+         surface_compliance = {{ nodes = \"surface\", kept = \"factor\" }}\n\
+         place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n\
+         control.base = {{ nodes = {{ {bottom} }}, grab = \"fixed\" }}\n"
+    );
+    let scene = Resolved::parse(&text, &folder.join("layer.toml")).unwrap();
+    Touched { world: world(&scene, &file(&scene)), frame: 0 }
+}
+
 /// Hertz: a ball presses a block that is ten times as deep as the contact is wide; the theory of a bonded layer of that depth corrects
 /// his force by 9 %.
 #[test]
@@ -211,18 +228,8 @@ fn a_ball_presses_with_hertzs_force() {
     let folder = tempfile::tempdir().unwrap();
     let mut off = Vec::new();
     for cells in [[8, 5, 8], [12, 8, 12]] {
-        graded(cells, 0.0, &folder.path().join("block.mesh"));
-        let text = format!(
-            "[tool.probe]\nshape = {{ ball = {{ radius = {radius} }} }}\nstylus = 1\n\
-             [body.b]\nmesh = \"block.mesh\"\nelement = \"tet10\"\n\
-             material = {{ young = {YOUNG}, poisson = {nu} }}\n\
-             effects = [\"contact\"]\neffect.contact = {{ friction = 0.0 }}\n\
-             surface_compliance = {{ nodes = \"surface\", kept = \"factor\" }}\n\
-             place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n\
-             control.base = {{ nodes = {{ plane = {{ point = [0.0, -1.0, 0.0], normal = [0.0, 1.0, 0.0], distance = 1e-6 }} }}, grab = \"fixed\" }}\n"
-        );
-        let scene = Resolved::parse(&text, &folder.path().join("hertz.toml")).unwrap();
-        let mut touched = Touched { world: world(&scene, &file(&scene)), frame: 0 };
+        graded(cells, [0.0; 2], &folder.path().join("block.mesh"));
+        let mut touched = on_layer(&format!("{{ ball = {{ radius = {radius} }} }}"), nu, folder.path());
         touched.put(at(V3::new(0.0, radius - depth, 0.0)));
         let (force, contacts) = (touched.force().y, touched.contacts());
         off.push(force / expected - 1.0);

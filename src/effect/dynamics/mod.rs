@@ -12,9 +12,13 @@ mod course;
 mod forces;
 mod free_body;
 mod free_step;
+#[cfg(test)]
+mod free_tests;
 mod held_step;
 mod moving;
 mod oscillator;
+#[cfg(test)]
+mod pendulum_tests;
 mod running;
 mod section;
 mod settings;

@@ -19,16 +19,16 @@ use std::sync::Arc;
 
 const YOUNG: f64 = 2.0e6;
 const DENSITY: f64 = 1000.0;
-const LENGTH: f64 = 1.0;
+pub(super) const LENGTH: f64 = 1.0;
 /// Width and height of the bar's section, m.
-const SECTION: [f64; 2] = [0.1, 0.06];
+pub(super) const SECTION: [f64; 2] = [0.1, 0.06];
 
 /// A bar along x with a control element at its left end and maybe at its right one.
-fn bar(cells: [usize; 3], keys: &str, has_tip: bool) -> (Resolved, Arc<GreenFile>) {
+pub(super) fn bar(cells: [usize; 3], keys: &str, has_tip: bool) -> (Resolved, Arc<GreenFile>) {
     bar_of(YOUNG, cells, keys, has_tip)
 }
 
-fn bar_of(young: f64, cells: [usize; 3], keys: &str, has_tip: bool) -> (Resolved, Arc<GreenFile>) {
+pub(super) fn bar_of(young: f64, cells: [usize; 3], keys: &str, has_tip: bool) -> (Resolved, Arc<GreenFile>) {
     let [width, height] = SECTION;
     let tip =
         if has_tip { "control.tip = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n" } else { "" };
@@ -53,7 +53,7 @@ pub(super) fn file(scene: &Resolved, body: &str) -> Arc<GreenFile> {
     Arc::new(GreenFile::open(&path).unwrap())
 }
 
-fn tables(file: &GreenFile) -> Tables {
+pub(super) fn tables(file: &GreenFile) -> Tables {
     Tables::read(file, "bar").unwrap()
 }
 
@@ -61,21 +61,37 @@ fn hertz(squares: &[f64]) -> Vec<f64> {
     squares.iter().map(|square| square.sqrt() / TAU).collect()
 }
 
-fn nearest(list: &[f64], to: f64) -> f64 {
+pub(super) fn nearest(list: &[f64], to: f64) -> f64 {
     *list.iter().min_by(|a, b| (*a - to).abs().total_cmp(&(*b - to).abs())).unwrap()
 }
 
-/// Frequencies of a clamped and free Timoshenko beam that bends across `height`, Hz: the roots b of Huang's equation (T. C. Huang, The
-/// effect of rotatory inertia and of shear deformation on the frequency and normal mode equations of uniform beams, Journal of
-/// Applied Mechanics 28, 1961, 579-584), with Cowper's shear coefficient 10 (1 + ν)/(12 + 11 ν) at ν = 0.
-fn timoshenko(height: f64, count: usize) -> Vec<f64> {
+/// The ends of a beam.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Ends {
+    ClampedFree,
+    FreeFree,
+}
+
+/// Frequencies of a Timoshenko beam that bends across `height`, Hz: the roots b of Huang's equations (T. C. Huang, The effect of rotatory
+/// inertia and of shear deformation on the frequency and normal mode equations of uniform beams, Journal of Applied Mechanics 28,
+/// 1961, 579-584), divided by cosh bα, with Cowper's shear coefficient 10 (1 + ν)/(12 + 11 ν) at ν = 0.
+pub(super) fn timoshenko(ends: Ends, height: f64, count: usize) -> Vec<f64> {
     let slender = height * height / 12.0 / LENGTH.powi(2);
     let (r2, s2) = (slender, slender * 2.0 * 12.0 / 10.0);
     let equation = |b: f64| {
         let root = ((r2 - s2).powi(2) + 4.0 / (b * b)).sqrt();
         let [alpha, beta] = [root - (r2 + s2), root + (r2 + s2)].map(|x| (0.5 * x).sqrt());
-        let by_shear = b * (r2 + s2) / (1.0 - b * b * r2 * s2).sqrt() * (b * alpha).tanh() * (b * beta).sin();
-        2.0 / (b * alpha).cosh() + (b * b * (r2 - s2).powi(2) + 2.0) * (b * beta).cos() - by_shear
+        let apart = (r2 - s2).powi(2);
+        let by_shear = b / (1.0 - b * b * r2 * s2).sqrt() * (b * alpha).tanh() * (b * beta).sin();
+        match ends {
+            Ends::ClampedFree => {
+                2.0 / (b * alpha).cosh() + (b * b * apart + 2.0) * (b * beta).cos() - (r2 + s2) * by_shear
+            }
+            Ends::FreeFree => {
+                2.0 / (b * alpha).cosh() - 2.0 * (b * beta).cos()
+                    + (b * b * r2 * apart + 3.0 * r2 - s2) * by_shear
+            }
+        }
     };
     let mut roots = Vec::new();
     let (mut b, step) = (1.0, 0.05);
@@ -94,14 +110,19 @@ fn timoshenko(height: f64, count: usize) -> Vec<f64> {
     roots.iter().map(|b| b * unit).collect()
 }
 
-/// The roots of the slender limit are those of Euler and Bernoulli, β² = 3.516, 22.03, 61.70, 120.90, 199.86.
+/// The roots of the slender limit are those of Euler and Bernoulli, β² = 3.516, 22.03, 61.70, 120.90, 199.86 and, with both ends free,
+/// 22.37, 61.67, 120.90, 199.86.
 #[test]
-fn huangs_equation_has_bernoullis_roots_in_a_slender_beam() {
+fn huangs_equations_have_bernoullis_roots_in_a_slender_beam() {
     let height = 1e-3;
     let unit = (YOUNG / DENSITY / 12.0).sqrt() * height / TAU;
-    let beta = [1.87510, 4.69409, 7.85476, 10.99554, 14.13717_f64];
-    for (found, beta) in timoshenko(height, 5).iter().zip(beta) {
-        assert!((found / (beta * beta * unit) - 1.0).abs() < 1e-4, "{found}");
+    let clamped = [1.87510, 4.69409, 7.85476, 10.99554, 14.13717_f64].as_slice();
+    for (ends, beta) in
+        [(Ends::ClampedFree, clamped), (Ends::FreeFree, &[4.73004, 7.85320, 10.99561, 14.13717])]
+    {
+        for (found, beta) in timoshenko(ends, height, beta.len()).iter().zip(beta) {
+            assert!((found / (beta * beta * unit) - 1.0).abs() < 1e-4, "{found}");
+        }
     }
 }
 
@@ -112,7 +133,7 @@ fn the_first_five_bending_frequencies_of_a_cantilever_are_timoshenkos() {
         hertz(&tables(&file).squares)
     };
     let (coarse, fine) = (found([16, 1, 2]), found([32, 2, 2]));
-    let expected = timoshenko(SECTION[1], 5);
+    let expected = timoshenko(Ends::ClampedFree, SECTION[1], 5);
     for (k, f) in expected.iter().enumerate() {
         let [off, less] = [&coarse, &fine].map(|list| nearest(list, *f) / f - 1.0);
         println!("mode {}: {f:.4} Hz, coarse {off:.2e}, fine {less:.2e}", k + 1);
@@ -165,7 +186,7 @@ impl Rig {
         Rig::of(file, model, damping, 2)
     }
 
-    fn of(file: &Arc<GreenFile>, model: &str, damping: Damping, elements: usize) -> Rig {
+    pub(super) fn of(file: &Arc<GreenFile>, model: &str, damping: Damping, elements: usize) -> Rig {
         let deformer = Deformer::new(file.clone(), "bar", crate::deform::find_model(model).unwrap()).unwrap();
         let moving = Moving::new(tables(file), damping, &deformer, true).unwrap();
         let mut rig = Rig { deformer, moving, time_s: 0.0 };
@@ -204,7 +225,7 @@ impl Rig {
     }
 
     /// Momentum, and angular momentum about the centre of mass, of a body that nothing holds: N·s, N·m·s.
-    fn momenta(&self) -> [Vector3<f64>; 2] {
+    pub(super) fn momenta(&self) -> [Vector3<f64>; 2] {
         let turn = self.deformer.state.body_from_surface().rotation;
         let twist = self.moving.twist(&turn).unwrap();
         let inertia = crate::world::flight::RigidInertia::of_whole(&self.moving.tables.whole).unwrap();
@@ -222,7 +243,7 @@ fn shifted(by: Vector3<f64>) -> Option<ControlPose> {
     Some(ControlPose { translation: by, ..ControlPose::REST })
 }
 
-fn without_damping() -> Damping {
+pub(super) fn without_damping() -> Damping {
     Damping::Ratio(0.0)
 }
 
@@ -231,10 +252,10 @@ fn first_hertz(cells: [usize; 3]) -> f64 {
     hertz(&tables(&bar(cells, "", false).1).squares)[0]
 }
 
-const CELLS: [usize; 3] = [10, 1, 2];
+pub(super) const CELLS: [usize; 3] = [10, 1, 2];
 
 /// Times at which a signal rises through zero, between samples by their secant.
-fn risings(signal: &[(f64, f64)]) -> Vec<f64> {
+pub(super) fn risings(signal: &[(f64, f64)]) -> Vec<f64> {
     let pairs = signal.windows(2).filter(|pair| pair[0].1 < 0.0 && pair[1].1 >= 0.0);
     pairs.map(|p| p[0].0 - p[0].1 * (p[1].0 - p[0].0) / (p[1].1 - p[0].1)).collect()
 }
@@ -393,14 +414,14 @@ fn poses_and_times_that_are_no_numbers_leave_no_trace() {
     assert!(rig.energy()[0].abs() < 1e-12, "{:?}", rig.energy());
 }
 
-fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
+pub(super) fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
     let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
     let effects = attach(&[ENTRY], scene, file, &mut world).unwrap();
     world.join(effects).unwrap();
     world
 }
 
-fn step(world: &mut World, frame: usize) {
+pub(super) fn step(world: &mut World, frame: usize) {
     world.step(&TrackerState { time_s: frame as f64 / 60.0, ..Default::default() }.into());
 }
 
