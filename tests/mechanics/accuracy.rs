@@ -242,7 +242,7 @@ fn errors_are_against_the_finer_equilibrium() {
 /// from rest, on the same mesh and on the mesh refined once, to within what the report says of its reference.
 #[test]
 fn the_error_of_a_thin_tubes_mesh_is_that_of_its_equilibrium() {
-    let tube = "generate = { tube = { inner_radius = 0.04, outer_radius = 0.05, length = 0.3, radial = 1, around = 8, along = 6, \
+    let tube = "generate = { tube = { inner_radius = 0.04, outer_radius = 0.05, length = 0.3, radial = 1, around = 10, along = 8, \
                 control_length = 0.0 } }\nmaterial = { young = 1.0e6, poisson = 0.3 }";
     let scene = held(tube, "left", "right");
     let Some(Generate::Tube(round)) = &scene.body["b"].generate else { panic!() };

@@ -34,7 +34,8 @@ pub enum Outcome {
 /// Effects with a model.
 #[derive(Clone, Debug, Serialize)]
 pub struct Trial {
-    /// One, two, or the most that go together. In a pair, what is heard brings along the effect that makes it vibrate.
+    /// One, two, or the most that go together. In a pair, what is heard brings along the effect that makes it vibrate, unless the other one rubs
+    /// or cuts it.
     pub effects: Vec<&'static str>,
     pub model: &'static str,
     /// Result with all in one body.
@@ -54,9 +55,10 @@ pub fn sets() -> impl Iterator<Item = Effects> {
     EFFECTS.iter().enumerate().flat_map(pairs)
 }
 
-/// The effects, with the one that makes a body vibrate where one of them is heard.
-fn with_vibration(mut effects: Effects) -> Effects {
-    let lacks = effects.iter().any(|effect| effect.is_heard) && !effects.iter().any(|effect| effect.vibrates);
+/// The effects, with the one that makes a body vibrate where one of them is heard and the others make no noise.
+fn with_source(mut effects: Effects) -> Effects {
+    let makes_sound = effects.iter().any(|effect| effect.vibrates || effect.dissipates.is_some());
+    let lacks = !makes_sound && effects.iter().any(|effect| effect.is_heard);
     effects.extend(EFFECTS.iter().filter(|effect| lacks && effect.vibrates));
     effects
 }
@@ -94,9 +96,9 @@ impl Bench {
     }
 
     fn trial(&mut self, set: &[&'static EffectEntry]) -> Trial {
-        let both = if set.len() > 1 { with_vibration(set.to_vec()) } else { set.to_vec() };
+        let both = if set.len() > 1 { with_source(set.to_vec()) } else { set.to_vec() };
         let together = self.outcome(&[both]);
-        let each: Vec<Effects> = set.iter().map(|effect| with_vibration(vec![effect])).collect();
+        let each: Vec<Effects> = set.iter().map(|effect| with_source(vec![effect])).collect();
         let is_apart = matches!(together, Outcome::Refused(_))
             && set.len() > 1
             && each.iter().all(|effects| self.is_accepted(effects));

@@ -33,6 +33,8 @@ const SHAPES: [Shape; 3] = [
 
 /// Radius of the ball that presses, m.
 pub const BALL_M: f64 = 0.02;
+/// Toughness of what is cut, J/m².
+const TOUGHNESS: f64 = 100.0;
 /// Length of the blade that cuts, m.
 pub const BLADE_M: f64 = 0.2;
 /// Distance of two bodies in a scene, m.
@@ -120,6 +122,10 @@ impl Setting {
             );
         }
         for (b, (name, effects)) in NAMES.iter().zip(&self.bodies).enumerate() {
+            let is_cut = |effect: &&&EffectEntry| effect.is_cut;
+            let toughness =
+                |effect: &&EffectEntry| format!("effect.{} = {{ toughness = {TOUGHNESS:?} }}\n", effect.name);
+            let toughness: String = effects.iter().filter(is_cut).map(toughness).collect();
             let effects: Vec<&str> = effects.iter().map(|effect| effect.name).collect();
             let place: [f64; 3] = self.place(b, &stage).into();
             text += &format!(
@@ -128,7 +134,7 @@ impl Setting {
                  material = {{ young = {young:?}, poisson = 0.3, density = 1000.0 }}\n\
                  element = \"{}\"\nmodel = \"{}\"\neffects = {effects:?}\n\
                  place = {{ position = {place:?}, rotation = [0.0, 0.0, 0.0], scale = 1.0 }}\n\
-                 {}control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+                 {}{toughness}control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
                  control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n",
                 element.name,
                 self.model,
