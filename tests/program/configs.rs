@@ -103,7 +103,7 @@ fn scripts() {
         ("press.toml", 5.0, 0),
         ("pull.toml", 6.5, 1),
         ("raise.toml", 5.0, 2),
-        ("resect.toml", 4.0, 0),
+        ("resect.toml", 5.5, 0),
         ("rub.toml", 5.5, 1),
         ("two-hands.toml", 8.5, 2),
     ] {

@@ -47,7 +47,7 @@ fn write(folder: &Path, lines: &[String]) {
     std::fs::write(folder.join("session.jsonl"), lines.join("\n") + "\n").unwrap();
 }
 
-/// The end of an organ is cut off, falls onto a table and is pushed aside: in a replay with one thread too.
+/// The end of an organ is cut off, falls onto a table, is pushed aside, picked up and dropped: in a replay with one thread too.
 #[test]
 fn a_piece_that_falls_off_falls_again_in_a_replay() {
     let folder = folder("replay-resect");
@@ -59,9 +59,10 @@ fn a_piece_that_falls_off_falls_again_in_a_replay() {
     }
     let scene = "scenes/resect.toml";
     let arguments =
-        ["render", scene, "-oout", "--frames=80", "--window-scale=0.05", "--record", "session.jsonl"];
-    let said = text(&run(&folder, 2, &arguments).stdout);
-    assert!(said.contains("J of work, 1 piece has fallen off"), "{said}");
+        ["render", scene, "-oout", "--frames=110", "--window-scale=0.05", "--record", "session.jsonl"];
+    let output = run(&folder, 2, &arguments);
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(said.contains("J of work, 1 piece has fallen off") && !said.contains("grabs nothing"), "{said}");
     let output = run(&folder, 1, &["view", scene, "--check", "--replay", "session.jsonl"]);
     let said = text(&output.stdout) + &text(&output.stderr);
     assert!(said.contains("frames, every one in the recorded state"), "{said}");
