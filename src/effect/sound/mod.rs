@@ -4,8 +4,8 @@
 //! ([`Dissipation`](crate::world::dissipation::Dissipation)), its largest strain; its surface, the head, the stage. Out: the
 //! sound of the frame for all loudspeakers or both ears, into a file, or out of the audio device in a live session. A mode's pressure follows
 //! from its motion of the surface ([`Radiator`]); what a frame does to the audible modes ([`Listener`]) is played sample by sample, from where
-//! the body is ([`Player`], [`crate::audio`]). A small part of the work is heard as noise ([`noise`]) from where it is done, the strain as a
-//! tone ([`pitch`], [`sine`]).
+//! the body is ([`Player`], [`crate::audio`]). A small part of the work is heard as noise ([`NoiseAim`]) from where it is done, the strain as a
+//! tone ([`SineAim`]).
 
 mod glide;
 mod listener;
