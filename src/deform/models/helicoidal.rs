@@ -94,6 +94,16 @@ impl Helicoidal {
         energy.is_finite().then_some(energy)
     }
 
+    /// V₂ + V₃, without φ; `None` where the frames have no mean.
+    pub fn third_order_energy(&mut self, frames: &[ControlFrame]) -> Option<f64> {
+        self.mean.find(frames)?;
+        for (e, frame) in frames.iter().enumerate() {
+            self.take_coefficients(e, &frame.stretch);
+        }
+        let (quadratic, correction) = self.orders();
+        Some(quadratic + correction.unwrap_or(0.0))
+    }
+
     fn take_coefficients(&mut self, e: usize, stretch: &Matrix3<f64>) {
         let (slide, turn) = halves(&self.mean.screws[e]);
         let (a, strain) = (self.arms[e], stretch - Matrix3::identity());
@@ -103,14 +113,20 @@ impl Helicoidal {
         put(&mut self.second, e, &place, &(cross * cross * 0.5 + cross * strain));
     }
 
-    /// V, and how much of ∂V₂ and ∂V₃ is in ∂V.
-    fn energy(&mut self) -> (f64, [f64; 2]) {
+    /// V₂, and V₃ where there is a cubic form.
+    fn orders(&mut self) -> (f64, Option<f64>) {
         self.force.gemv(1.0, &self.stiffness, &self.first, 0.0);
         let quadratic = 0.5 * self.first.dot(&self.force);
-        let Some(cubic) = &self.cubic else { return (quadratic, [1.0, 0.0]) };
+        let Some(cubic) = &self.cubic else { return (quadratic, None) };
         self.second_force.gemv(1.0, &self.stiffness, &self.second, 0.0);
         let form = cubic.evaluate(self.first.as_slice(), self.cubic_force.as_mut_slice());
-        let correction = self.first.dot(&self.second_force) + form;
+        (quadratic, Some(self.first.dot(&self.second_force) + form))
+    }
+
+    /// V, and how much of ∂V₂ and ∂V₃ is in ∂V.
+    fn energy(&mut self) -> (f64, [f64; 2]) {
+        let (quadratic, correction) = self.orders();
+        let Some(correction) = correction else { return (quadratic, [1.0, 0.0]) };
         let part = correction / quadratic;
         if !part.is_finite() {
             return (quadratic.max(0.0), [1.0, 0.0]);

@@ -14,7 +14,7 @@ pub struct Felt {
 }
 
 pub struct Forces {
-    model: Box<dyn DeformationModel>,
+    pub(super) model: Box<dyn DeformationModel>,
     /// Largest distance of two elements, m; 1 where all have the same origin.
     pub size: f64,
 }

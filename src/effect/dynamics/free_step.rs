@@ -63,6 +63,7 @@ impl Moving {
             rates: to.speed.as_slice()[count..].to_vec(),
             turn: Some(stride.turn),
             pressed: self.pressed_modes(stride),
+            stopped: 0,
         };
         Strode { motion, vibration: VibrationStep { dt_s, modes } }
     }

@@ -155,6 +155,7 @@ impl Moving {
             turn: Some(leg.axes),
             slopes,
             pressed: Vec::new(),
+            stopped: 0,
         }
     }
 

@@ -57,6 +57,13 @@ pub struct Motion {
     /// what they move the modes by at rest.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) pressed: Vec<f64>,
+    /// Frames in a row in which released elements stopped although forces would move them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub(super) stopped: u32,
+}
+
+fn is_zero(count: &u32) -> bool {
+    *count == 0
 }
 
 /// A step whose axes R stand still.
@@ -127,7 +134,7 @@ pub struct Moving {
     pub(super) is_linear: bool,
     pub motion: Motion,
     /// Forces of a body whose elements may swing in a model whose frame turns.
-    forces: Option<Forces>,
+    pub(super) forces: Option<Forces>,
     /// The modes for the elements that were released last.
     pub(super) system: Option<System>,
     /// The frame that it goes through in steps.

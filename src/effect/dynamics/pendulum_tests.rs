@@ -201,3 +201,39 @@ fn a_bear_on_a_strip_swings_as_a_compound_pendulum() {
     );
     assert!(off.abs() < 1e-2, "{off:e}");
 }
+
+/// A thin plate that hangs on a strip of 60 mm of its own, below which it is one rigid element.
+const PLATE: &str = r#"
+[body.plate]
+generate = { block = { size = [0.4, 0.006, 0.012], cells = [40, 1, 2] } }
+element = "tet10"
+material = { young = 1.0e7, poisson = 0.0, density = 5000.0 }
+model = "rod"
+gravity = true
+effects = ["dynamics"]
+effect.dynamics = { modes = 2, damping = 0.005, free = ["tip"] }
+place = { position = [0.0, 0.0, 0.0], rotation = [0.0, 0.0, -1.5707963267948966], scale = 1.0 }
+control.root = { nodes = { group = "xmin" }, grab = "fixed" }
+control.tip = { nodes = { box = { min = [-0.14001, -1.0, -1.0], max = [1.0, 1.0, 1.0] } }, grab = "dragger" }
+"#;
+
+/// Was seen to stop after 20 frames: the rod's sections buckled under its weight.
+#[test]
+fn a_plate_on_a_strip_swings_as_a_compound_pendulum() {
+    let scene = Resolved::parse(PLATE, Path::new("plate.toml")).unwrap();
+    let file = file(&scene, "plate");
+    let [length, height, width, density] = [0.06, 0.006, 0.012, 5000.0];
+    let mass = 0.34 * height * width * density;
+    let expected = Pendulum {
+        length,
+        bending: 1e7 * width * height.powi(3) / 12.0,
+        by_length: height * width * density,
+        mass,
+        depth: 0.17,
+        moment: mass * (0.34_f64.powi(2) + height * height) / 12.0,
+    };
+    let period = swung(&scene, &file, 0.03, -Vector3::x() * 0.17, 240);
+    let off = period / expected.period() - 1.0;
+    println!("period {period:.4} s, on the strip {:.4} s ({off:.1e} beside)", expected.period());
+    assert!(off.abs() < 5e-3, "{off:e}");
+}

@@ -1,6 +1,7 @@
 //! The effect in a world: its bodies, and what they add to a frame.
 
 use super::moving::{Motion, Moving, Now, Pressed};
+use super::section::SWINGING;
 use super::settings::{NAME, Settings};
 use super::tables::Tables;
 use crate::base::failure::Failure;
@@ -9,12 +10,15 @@ use crate::effect::entry::EffectInput;
 use crate::world::inertia::{Coming, Gone, Inertia, NodeForces, StepForces};
 use crate::world::running::{Memory, MovedElement, read, written};
 use crate::world::vibration::{Vibration, VibrationModes};
-use crate::world::{BodyFrame, RunningEffect, World};
+use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
+
+/// Frames in a row in which an element stops before its user is warned.
+const TOLD: u32 = 6;
 
 /// The bodies that list the effect.
 struct Dynamics {
@@ -75,6 +79,26 @@ impl DynamicBody {
         let make = || Arc::new(moving.vibration_modes(system, deformer, first));
         let modes = known.entry(system.released.clone()).or_insert_with(make).clone();
         Some(Arc::new(Vibration { modes, steps: moving.vibration.clone() }))
+    }
+
+    /// A warning for each released element that has stopped though forces would move it.
+    fn standstill(&self, world: &World) -> Vec<String> {
+        let deformer = &world.bodies[self.b].deformer;
+        let model = deformer.entry.name;
+        let others = SWINGING.iter().map(|entry| entry.name).filter(|name| *name != model);
+        let others: Vec<String> = others.map(|name| format!("\"{name}\"")).collect();
+        let warning = |e: usize| {
+            format!(
+                "body.{}.control.{}: stopped in mid-swing for {TOLD} frames: every motion that model \"{model}\" finds from there needs \
+                 more energy than the body has. Move it by hand and let it go elsewhere; if it stops again, write model = {}",
+                deformer.body,
+                deformer.controls[e].name,
+                others.join(" or ")
+            )
+        };
+        let is_told = self.moving.motion.stopped == TOLD;
+        let is_free = |e: &usize| is_told && self.free[*e] && !world.is_carried(self.b, *e);
+        (0..self.free.len()).filter(is_free).map(warning).collect()
     }
 
     fn step(&mut self, world: &World) {
@@ -185,6 +209,10 @@ impl RunningEffect for Dynamics {
         for body in &mut self.bodies {
             bodies[body.b].vibration = body.vibration(&world.bodies[body.b].deformer);
         }
+    }
+
+    fn show(&mut self, world: &World, frame: &mut Frame) {
+        frame.warnings.extend(self.bodies.iter().flat_map(|body| body.standstill(world)));
     }
 
     fn moved(&self) -> Vec<MovedElement> {

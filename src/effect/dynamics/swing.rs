@@ -15,7 +15,7 @@
 //!
 //! The axes R are the mean turn of the elements that are not released, so that M is constant while these rest. What a bend changes of M
 //! is left out, of the second order in its angle. The elements stop before a pose without equilibrium, and where even
-//! the shortest leg does not balance.
+//! the shortest leg does not balance; [`Motion::stopped`] counts the frames in which they do so.
 
 use super::coupled::{Coupled, Phase, StepLoads};
 use super::forces::{Felt, Forces, difference};
@@ -38,6 +38,9 @@ const DIFFERENCE: f64 = 1e-3;
 const FOUND: f64 = 3e-3;
 /// Iterations, beyond which a leg is too long.
 const MOST: usize = 6;
+/// Way from rest in a frame, in the same parts and rad, below which an element that stops is where its forces vanish: the rounding of V ends
+/// its motion there.
+const STILL: f64 = 1e-6;
 
 /// A frame in which elements swing.
 struct Swing<'a> {
@@ -87,6 +90,7 @@ impl Moving {
     pub(super) fn swung(&self, forces: &mut Forces, system: &System, now: &Now<'_>, dt_s: f64) -> Motion {
         let mut motion = self.motion.clone();
         let total = now.deformer.slopes().map(|slopes| difference(slopes, &motion.slopes));
+        let mut is_stopped = false;
         let mut inertia = vec![PoseSlope::default(); motion.poses.len()];
         if let (Some(own), Some(total)) = (forces.begin(now.deformer), total) {
             let added = difference(&total, &own.slopes);
@@ -108,12 +112,15 @@ impl Moving {
                 }
             }
             if left_s > 0.0 {
+                is_stopped = swing.would_move(forces, &total);
                 swing.stop(&mut motion);
             }
         } else {
+            is_stopped = true;
             Swing { moving: self, system, now, dt_s, added: Vec::new() }.stop(&mut motion);
         }
-        Motion { step_s: dt_s, turn: Some(now.turn()), slopes: inertia, ..motion }
+        let stopped = if is_stopped { self.motion.stopped.saturating_add(1) } else { 0 };
+        Motion { step_s: dt_s, turn: Some(now.turn()), slopes: inertia, stopped, ..motion }
     }
 }
 
@@ -127,6 +134,17 @@ impl Swing<'_> {
                 motion.poses[e] = self.now.poses[e];
             }
         }
+    }
+
+    /// Whether these slopes ∂V/∂P at the beginning of the frame would move a released element from rest.
+    fn would_move(&self, forces: &Forces, slopes: &[PoseSlope]) -> bool {
+        let (moving, system) = (self.moving, self.system);
+        let load = moving.load(system, slopes, &moving.motion.poses, &Matrix3::identity());
+        let none = StepLoads::none(load.len());
+        let rest = Phase { place: none.load.clone(), speed: none.load.clone() };
+        let to = system.coupled.advanced(&rest, &StepLoads { load, ..none }, self.dt_s);
+        let [shift, turn] = self.fastest(&to.place);
+        turn.max(shift / forces.size) > STILL
     }
 
     /// Poses of all elements with those that are held on their way; what was put elsewhere is there at once.

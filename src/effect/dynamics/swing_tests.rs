@@ -6,7 +6,7 @@ use super::section::SWINGING;
 use super::system::System;
 use super::tables::Tables;
 use super::tests::{REST, Rig, file};
-use crate::deform::{ControlPose, LINEAR};
+use crate::deform::{BodyState, ControlPose, DeformationModel, LINEAR, ModelMemory, PoseSlope, Response};
 use crate::effect::Resolved;
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
@@ -206,5 +206,47 @@ fn a_small_release_is_that_of_linear_theory() {
             assert!((3.0..5.0).contains(&(pair[1] / pair[0])), "{model}: {off:?}");
         }
         assert!(off[1] < 2e-3, "{model}: {off:?}");
+    }
+}
+
+/// A model whose energy rises with every evaluation.
+struct Rising {
+    model: Box<dyn DeformationModel>,
+    energy: f64,
+}
+
+impl DeformationModel for Rising {
+    fn state(&mut self, poses: &[ControlPose]) -> BodyState {
+        self.model.state(poses)
+    }
+
+    fn respond(&mut self, poses: &[ControlPose], slopes: &mut [PoseSlope]) -> Option<Response> {
+        self.energy += 1.0;
+        let found = self.model.respond(poses, slopes)?;
+        Some(Response { energy: found.energy + self.energy, ..found })
+    }
+
+    fn set_memory(&mut self, memory: &ModelMemory) -> Result<(), String> {
+        self.model.set_memory(memory)
+    }
+}
+
+#[test]
+fn frames_in_which_an_element_cannot_go_on_are_counted_until_it_swings_or_rests() {
+    let file = strip("rod", "[8, 1, 2]");
+    for (angle, counts) in [(0.3, [1, 2, 3]), (1e-9, [0; 3])] {
+        let mut rig = released(&file, "rod", 0.02, angle);
+        let model = rig.deformer.another_model().unwrap();
+        rig.moving.forces.as_mut().unwrap().model = Box::new(Rising { model, energy: 0.0 });
+        let before = rig.tip();
+        for count in counts {
+            rig.frame(1.0 / 60.0, &[REST, None]);
+            assert_eq!((rig.moving.motion.stopped, rig.tip()), (count, before), "{angle}");
+        }
+        rig.moving.forces.as_mut().unwrap().model = rig.deformer.another_model().unwrap();
+        rig.frame(1.0 / 60.0, &[REST, None]);
+        assert_eq!(rig.moving.motion.stopped, 0);
+        println!("{angle}: moved by {:e}", (rig.tip() - before).norm());
+        assert!(angle < 0.1 || (rig.tip() - before).norm() > 1e-3);
     }
 }

@@ -11,6 +11,7 @@ use crate::green::{self, FIELDS, GreenFile};
 use crate::solve::Silent;
 use crate::stage::{Stage, rotation_towards};
 use crate::track::{StylusState, TrackerState};
+use crate::world::running::written;
 use crate::world::{State, World};
 use nalgebra::{DVector, Isometry3, Matrix3, Point3, Rotation3, Translation3, Vector3};
 use std::f64::consts::TAU;
@@ -454,6 +455,30 @@ fn a_released_tip_rings_in_a_world_and_goes_on_from_a_state_bit_by_bit() {
             step(&mut first, frame);
             step(&mut second, frame);
             assert_eq!(second.state_hash(), first.state_hash(), "frame {frame}");
+        }
+    }
+}
+
+/// A state with one frame less says nothing.
+#[test]
+fn an_element_that_stopped_in_several_frames_is_told_with_its_name_and_a_remedy() {
+    let keys = "model = \"rod\"\neffect.dynamics.free = [\"tip\"]";
+    let (scene, file) = bar(CELLS, keys, true);
+    for (stopped, count) in [(5, 0), (6, 1)] {
+        let mut world = world(&scene, &file);
+        step(&mut world, 0);
+        let known = world.warnings.len();
+        let memory = world.effects[0].memory().unwrap();
+        let mut memory: serde_json::Value = serde_json::from_str(memory.get()).unwrap();
+        memory[0]["stopped"] = stopped.into();
+        let mut effect = attach(&[ENTRY], &scene, &file, &mut world).unwrap().remove(0);
+        effect.set_memory(&written(&memory).unwrap()).unwrap();
+        world.show_by(effect.as_mut());
+        let told = &world.warnings[known..];
+        println!("{told:?}");
+        assert_eq!(told.len(), count, "{told:?}");
+        for part in ["body.bar.control.tip: ", "6 frames", "model = \"reduced\""] {
+            assert!(told.iter().all(|(_, warning)| warning.contains(part)), "{told:?}");
         }
     }
 }

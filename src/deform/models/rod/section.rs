@@ -26,7 +26,7 @@
 //! ```
 
 use crate::deform::models::helicoidal::Helicoidal;
-use crate::deform::pose::frame::{ControlFrame, FrameSlope};
+use crate::deform::pose::frame::ControlFrame;
 use crate::deform::pose::se3::{blocks, exp, joined};
 use nalgebra::{
     DMatrix, Isometry3, Matrix2, Matrix3, Matrix6, SMatrix, SVector, Translation3, Vector3, Vector6,
@@ -48,6 +48,10 @@ const SHEAR: f64 = 1.0;
 /// The rod is shorter than the free body by so many radii at the most, and so much of its length: 0.1 to 0.3 radii were measured on
 /// uniform bars, 2.3 and 7 on bars of pieces whose moduli differ by 100.
 const SHORTER: [f64; 2] = [1.0, 0.02];
+/// Step of the strains with which A is found, in parts of r²/(L √(a L)), a being the largest distance of an element's origin from its end of
+/// the rod. The screw of an element on such an arm contains a stretch ½ a L κ² of a bend κ, which V₃ takes back up to a part (κ L)²/12 of
+/// it: with κ = step/r, less than 1e-4 of the stretch ½ r² κ² that is sought.
+const ARMS: f64 = 0.03;
 /// Numbers of an element's twelve in S.
 const FIELDS: usize = 12;
 
@@ -154,7 +158,10 @@ impl Section {
             k => joined(&Vector3::zeros(), &(Vector3::ith(k - 1, 1.0) / radius)),
         });
         // Ends turn by a tenth of a radian at most: they are seen by the shorter turn.
-        let step = 1e-3_f64.min(0.1 * radius / (self.ends[1] - self.ends[0]).norm());
+        let length = (self.ends[1] - self.ends[0]).norm();
+        let arm = [0, 1].map(|e| (self.ends[e] - origins[e]).norm()).into_iter().fold(0.0, f64::max);
+        let of_arms = ARMS * radius * radius / (length * (length * arm).sqrt());
+        let step = 1e-3_f64.min(0.1 * radius / length).min(of_arms);
         let mut cubic = |strain: Vector6<f64>| self.third_order(origins, energy, &strain, step);
         let single = directions.map(&mut cubic);
         // The third derivative along γ, i and j, by differences, which are exact for a cubic form.
@@ -205,10 +212,7 @@ impl Section {
                 turn: place.rotation,
                 stretch: Matrix3::identity(),
             };
-            let mut slopes =
-                [FrameSlope { force: Vector3::zeros(), torque: Vector3::zeros(), stretch: Matrix3::zeros() };
-                    2];
-            energy.respond(&[frame(&start), frame(&end)], &mut slopes).unwrap_or(f64::NAN)
+            energy.third_order_energy(&[frame(&start), frame(&end)]).unwrap_or(f64::NAN)
         };
         (at(step) - at(-step)) / (2.0 * step.powi(3) * chord.norm())
     }

@@ -354,3 +354,49 @@ fn what_is_no_rod_is_refused_with_its_slenderness() {
     let (severity, why) = fits(&block([4.0, 0.5, 0.5], "")).unwrap_err();
     assert!(severity == Severity::Error && why.contains("two control elements"), "{why}");
 }
+
+/// A strip of 60 × 6 × 12 mm before an end of 340 mm that does not bend, of E = 10 MPa and ν = 0.
+fn strip_before_a_long_end() -> Scene {
+    let text = "[body.b]\ngenerate = { block = { size = [0.4, 0.006, 0.012], cells = [40, 1, 2] } }\nelement = \"tet10\"\n\
+                material = { young = 1e7, poisson = 0.0 }\n\
+                control.a = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                control.b = { nodes = { box = { min = [-0.14001, -1.0, -1.0], max = [1.0, 1.0, 1.0] } }, grab = \"dragger\" }\n";
+    Scene::parse(text, Path::new("strip.toml")).unwrap()
+}
+
+/// A of a prism whose fibres have Green's strain e + ½ e² + ½ r² τ² with e = γ + y κ: 1, 3 I/A and, by a twist, (I + I')/A, however far from
+/// the strip's end the origin of its control element is. Was found to be -57 times 3 I/A, so that a pull of 4 N buckled it.
+#[test]
+fn a_strip_before_a_long_end_is_stretched_by_bends_as_its_fibres_are() {
+    let body = Body::new(&strip_before_a_long_end(), &ENTRY);
+    let origins = [0, 1].map(|e| body.solution.controls[e].origin);
+    let stiffness = body.solution.stiffness().unwrap().clone();
+    let reaches = [0.0, origins[1].x + 0.14];
+    let mut section = Section::fit(&stiffness, origins, reaches, SEGMENTS).unwrap();
+    let cubic = CubicForm::new(2 * FIELDS, body.solution.tables[CUBIC.name].as_slice().to_vec()).unwrap();
+    section.fit_second(origins, &mut Helicoidal::new(&origins, stiffness, Some(cubic)).unwrap());
+    let [height, width] = [0.006_f64, 0.012_f64].map(|size| size * size / 12.0);
+    let known = [(0, 1.0, 2e-3), (3, height + width, 0.03), (4, 3.0 * width, 0.04), (5, 3.0 * height, 0.1)];
+    for (k, known, most) in known {
+        let off = section.second[(k, k)] / known - 1.0;
+        println!("{k}: {known:.3e} and {off:.1e} of it");
+        assert!(off.abs() < most, "{k}: {off:e}");
+    }
+    let across = section.second.fixed_view::<1, 3>(0, 3).amax();
+    println!("a pull and a bend or twist: {across:.1e} m");
+    assert!(across < 5e-12, "{across:e}");
+}
+
+/// N = E A (e + ½ e²) (1 + e).
+#[test]
+fn a_strip_before_a_long_end_stays_straight_where_it_is_pulled() {
+    let mut body = Body::new(&strip_before_a_long_end(), &ENTRY);
+    for strain in [1e-3, 0.01, 0.03_f64] {
+        let poses = pose(Vector3::zeros(), Vector3::x() * (0.06 * strain));
+        let (_, slopes) = body.respond::<2>(&poses);
+        let known = 1e7 * 0.006 * 0.012 * (strain + 0.5 * strain * strain) * (1.0 + strain);
+        let off = (slopes[1].translation - Vector3::x() * known).norm() / known;
+        println!("{strain}: {known:.3} N and {off:.1e} of it");
+        assert!(off < 2e-11, "{strain}: {off:e}");
+    }
+}
