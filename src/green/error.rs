@@ -65,7 +65,8 @@ impl GreenError {
     /// Whether the request or its files are to blame, rather than the work.
     pub fn is_request(&self) -> bool {
         match self {
-            GreenError::Scene(_) | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
+            GreenError::Scene(error) => error.is_request(),
+            GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. }
             | GreenError::ControlCount { .. }
             | GreenError::NoEquilibria { .. }

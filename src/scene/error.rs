@@ -21,8 +21,15 @@ pub enum SceneError {
     Generate { path: PathBuf, entity: String, source: generate::GenerateError },
 }
 
+impl SceneError {
+    /// Whether the scene or its files are to blame, rather than the machine, whose memory is too small.
+    pub fn is_request(&self) -> bool {
+        !matches!(self, SceneError::Generate { source: generate::GenerateError::Memory(_), .. })
+    }
+}
+
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Failure {
-        Failure::request(error)
+        if error.is_request() { Failure::request(error) } else { Failure::work(error) }
     }
 }

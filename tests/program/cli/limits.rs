@@ -111,7 +111,7 @@ fn precompute_within(folder: &Path, megabytes: u32) -> (Option<i32>, String) {
 fn too_little_memory_is_told_with_its_figures() {
     let folder = block("cli-memory", 20);
     let mut told = Vec::new();
-    for megabytes in [90, 100, 130, 160, 200, 250, 300, 400, 500, 700] {
+    for megabytes in [80, 90, 100, 130, 160, 200, 250, 300, 400, 500, 700] {
         let (status, message) = precompute_within(&folder, megabytes);
         if status != Some(0) {
             assert_eq!(status, Some(1), "{megabytes} MB: {message}");
