@@ -55,10 +55,10 @@ impl World {
             let force = -(body.room_from_body.isometry.rotation * result.force);
             let radius = (BALL * radius_m) as f32;
             self.frame.draw(Drawable::Ball(Ball { center: place.cast(), radius_m: radius, color: COLOR }));
-            let newtons = quantity(force.norm(), "N");
+            let newtons = format!("{}, error unknown", quantity(force.norm(), "N"));
             let words = match touch.spring {
-                Some(spring) => format!("{newtons}, by a spring of {}", quantity(spring, "N/m")),
-                None => format!("{newtons}, held in place"),
+                Some(spring) => format!("{newtons}; by a spring of {}", quantity(spring, "N/m")),
+                None => format!("{newtons}; held in place"),
             };
             mark_force((&place, &force), touch.full_n, words, (radius_m, &mut self.frame));
         }

@@ -172,7 +172,7 @@ impl Fallen {
         (self.drawn.clone(), self.room_from_piece(scale).to_homogeneous().cast())
     }
 
-    /// What a hand can take.
+    /// The surface as a hand takes it.
     pub fn target(&self, scale: f64) -> PickTarget<'_> {
         PickTarget {
             shape: &self.pickable,

@@ -78,7 +78,7 @@ pub struct Solid {
     pub inertia: Option<RigidInertia>,
 }
 
-/// What moves a piece.
+/// Cause of a piece's motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drive {
     /// Gravity, m/s².

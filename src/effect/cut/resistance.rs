@@ -7,8 +7,9 @@
 //! F s = W (1 - exp(-s/l))
 //! ```
 //!
-//! so that the force is steady where the cut is, and the work of a whole cut is toughness times area. A blade that goes back is relieved within l/8, and is pressed again where it comes to what it has not cut. The
-//! force on it never jumps up: a hand that presses does the work of every rise.
+//! so that the force is steady where the cut is, and the work of a whole cut is toughness times area. A blade that goes back is relieved
+//! within l/8, and is pressed again where it comes to what it has not cut. The force on it never jumps up: a hand that presses does the work
+//! of every rise.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

@@ -1,12 +1,11 @@
 //! Bodies that nothing holds: a bar and a ring that ring, and motions that last.
 
+use super::beam_tests::{Ends, nearest, timoshenko};
 use super::coupled::Damping;
 use super::settings::NAME;
 use super::system::System;
 use super::tables::Tables;
-use super::tests::{
-    CELLS, Ends, LENGTH, REST, Rig, SECTION, bar, bar_of, file, nearest, tables, timoshenko, without_damping,
-};
+use super::tests::{CELLS, LENGTH, REST, Rig, SECTION, bar, bar_of, file, tables, without_damping};
 use crate::deform::ControlPose;
 use crate::effect::Resolved;
 use crate::green::GreenFile;

@@ -7,6 +7,8 @@
 //! [`forces`], in several ([`swing`]); a body that nothing holds flies ([`free_step`]). An effect that presses the body takes it through
 //! the frame in steps of its own ([`course`]).
 
+#[cfg(test)]
+mod beam_tests;
 mod coupled;
 mod course;
 mod forces;

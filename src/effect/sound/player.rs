@@ -22,16 +22,16 @@ const EXACT: f64 = 1e-6;
 /// A frame of all sources.
 #[derive(Debug, Default)]
 pub struct SoundFrame {
-    /// Its length.
+    /// Number of samples.
     pub samples: usize,
     /// Time from its first sample to its beginning, in samples, less than one.
     pub offset: f64,
-    /// Of each source, and how it reaches the channels at the end.
+    /// Phrase of each source, and its paths to the channels at the end of the frame.
     pub phrases: Vec<Phrase>,
     pub paths: Vec<Paths>,
 }
 
-/// Where a player's frames come from, and where they go when they were played.
+/// Queue of a player's frames, which takes back those that were played.
 pub trait Frames {
     fn next(&mut self) -> Option<Box<SoundFrame>>;
     fn done(&mut self, frame: Box<SoundFrame>);
@@ -53,7 +53,7 @@ pub struct Player {
 
 struct Sounding {
     voice: Voice,
-    /// Where the last frame ended, and where this one ends.
+    /// Paths at the end of the last frame and of this one.
     from: Paths,
     to: Paths,
     /// Beats of the frame that have begun.

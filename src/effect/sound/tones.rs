@@ -21,7 +21,7 @@ pub const AUDIBLE: [f64; 2] = [16.0, 20_000.0];
 /// A mode that is heard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tone {
-    /// Its index among the modes of the vibration.
+    /// Index among the modes of the vibration.
     pub mode: usize,
     /// λ and δ.
     square: f64,
@@ -72,7 +72,7 @@ impl Tone {
         (Complex::new(w, -(rate + self.decay * w) / self.rate.im), [beta, gamma])
     }
 
-    /// What a speed that jumps by this adds to z.
+    /// Jump of z by a jump of the speed.
     pub fn kicked(&self, by: f64) -> Complex<f64> {
         Complex::new(0.0, -by / self.rate.im)
     }

@@ -181,7 +181,7 @@ mod tests {
         println!("samples {most:e}");
     }
 
-    /// Where no frame comes, a body rings on and fades.
+    /// A body rings on and fades where no frame comes.
     #[test]
     fn a_voice_without_a_next_frame_fades_as_its_modes_do() {
         let (modes, radiator) = body(&[[440.0, 20.0], [880.0, 20.0], [30_000.0, 20.0], [3.0, 1.0]]);
