@@ -1,8 +1,7 @@
 //! Errors to expect of bodies, for `check`, `precompute` and `inspect`: a table, and a few lines for each body.
 
 use crate::base::table::Table;
-use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors, percent};
-use crate::effect::expected::model::PULLS;
+use crate::deform::{ErrorsAt, ExpectedErrors, MotionErrors, MovedErrors, percent};
 use crate::effect::{ResolvedBody, expected, name_of};
 use crate::green::{GreenError, GreenFile};
 use crate::prepare;
@@ -11,17 +10,18 @@ use crate::scene::{Method, Scene};
 /// Turns that the lines name, °: up to which `rotation` and up to which all may serve.
 const NAMED: [f64; 2] = [30.0, 90.0];
 
-const PULLED: &str = "pulled away";
-
-type Of = fn(&MovedErrors) -> &[ErrorsAt];
+type Of = fn(&MotionErrors) -> &[ErrorsAt];
 
 /// Motions of a control element, by their names in the table, with the errors that belong to each.
-const MOTIONS: [(&str, Of); 4] = [
-    ("bent, twisted", |moved| &moved.bent),
-    ("turned in place, shifted", |moved| &moved.shifted),
-    (PULLED, |moved| &moved.pulled),
-    ("pushed, free to turn,", |moved| moved.hung.as_ref().map_or(&[], |hung| &hung.at)),
+const MOTIONS: [(&str, Of); 6] = [
+    ("bent", |errors| &errors.turned.bent),
+    ("twisted", |errors| &errors.turned.twisted),
+    ("bent and twisted", |errors| &errors.turned.both),
+    ("turned in place, shifted", |errors| &errors.shifted),
+    ("pulled away", |errors| &errors.pulled),
+    ("pressed", |errors| &errors.pressed),
 ];
+const PUSHED: &str = "pushed, free to turn,";
 
 /// A row for each angle of each control element that was moved, and one for what the mesh adds.
 pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>) -> Table {
@@ -37,19 +37,21 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
             table.row(&[name, "none", "the scene's loads alone", &of_model, &force, &torque, &shape]);
         }
         for moved in &errors.moved {
-            for (motion, of) in MOTIONS {
-                for (i, at) in of(moved).iter().enumerate() {
+            let mut rows = |what: &str, by: &str, all: &[ErrorsAt]| {
+                for at in all {
                     let [force, torque, shape] = parts(at);
-                    let by = format!("{motion} {}", far(motion, i, at));
-                    table.row(&[name, &moved.control, &by, &of_model, &force, &torque, &shape]);
+                    let by = format!("{by} {}", far(at));
+                    table.row(&[name, &moved.control, &by, what, &force, &torque, &shape]);
                 }
+            };
+            for (motion, of) in MOTIONS {
+                rows(&of_model, motion, of(&moved.model));
             }
-            for (motion, all) in [(MOTIONS[0].0, &moved.mesh_bent), (MOTIONS[1].0, &moved.mesh_shifted)] {
-                for (i, at) in all.iter().enumerate() {
-                    let [force, torque, shape] = parts(at);
-                    let (by, of) =
-                        (format!("{motion} {}", far(motion, i, at)), format!("mesh of {}", errors.element));
-                    table.row(&[name, &moved.control, &by, &of, &force, &torque, &shape]);
+            rows(&of_model, PUSHED, pushed(moved));
+            if let Some(finer) = &moved.finer {
+                let of_mesh = format!("mesh of {}", errors.element);
+                for (motion, of) in MOTIONS {
+                    rows(&of_mesh, motion, of(&finer.mesh));
                 }
             }
             if let Some(mesh) = &moved.mesh {
@@ -70,11 +72,11 @@ pub fn table<'a>(bodies: impl IntoIterator<Item = (&'a str, &'a ExpectedErrors)>
     table
 }
 
-/// Reach of a motion in its row `i`.
-fn far(motion: &str, i: usize, at: &ErrorsAt) -> String {
-    match PULLS.get(i).filter(|_| motion == PULLED) {
-        Some(part) => format!("by {}", percent(*part)),
-        None => format!("to {}°", at.angle),
+/// Reach of a motion; pulls and presses have no angle.
+fn far(at: &ErrorsAt) -> String {
+    match at.angle {
+        0.0 => format!("by {}", percent(at.off)),
+        angle => format!("to {angle}°"),
     }
 }
 
@@ -85,20 +87,11 @@ pub const PARTS: &str = "model: force, and torque over the length, as parts of t
 
 /// A line for each kind of motion, for the loads and the mesh, and for what could not be measured.
 pub fn lines(name: &str, errors: &ExpectedErrors) -> String {
-    let mut lines = Vec::new();
-    for (motion, of) in MOTIONS {
-        let worst = |i: usize| {
-            let found = errors.moved.iter().map(|moved| of(moved).get(i).copied());
-            found.collect::<Option<Vec<ErrorsAt>>>()?.into_iter().reduce(|a, b| a.and(&b))
-        };
-        let is_named = |at: &ErrorsAt| motion == PULLED || NAMED.contains(&at.angle);
-        let parts = (0..).map_while(|i| Some((i, worst(i)?))).filter(|(_, at)| is_named(at));
-        let parts: Vec<String> =
-            parts.map(|(i, at)| format!("{}: {}", far(motion, i, &at), within(&at))).collect();
-        if !parts.is_empty() {
-            lines.push(format!("{motion} {}", parts.join("; ")));
-        }
-    }
+    let mut lines: Vec<String> = MOTIONS
+        .into_iter()
+        .filter_map(|(motion, of)| line(errors, motion, |moved| of(&moved.model)))
+        .chain(line(errors, PUSHED, pushed))
+        .collect();
     lines.extend(errors.loaded.iter().map(|loaded| format!("under the loads alone: {}", within(loaded))));
     lines.extend(errors.mesh().map(|mesh| {
         let (wrench, shape) = (percent(mesh.wrench), percent(mesh.shape));
@@ -107,6 +100,22 @@ pub fn lines(name: &str, errors: &ExpectedErrors) -> String {
     lines.extend(errors.left_out.iter().map(|why| format!("not measured: {why}")));
     let lines: String = lines.iter().map(|line| format!("  {line}\n")).collect();
     format!("{name}: errors of the model {}, against static equilibrium:\n{lines}", errors.model)
+}
+
+/// The line of a motion: the worst of all control elements, by levels; `None` where nothing was measured.
+fn line(errors: &ExpectedErrors, motion: &str, of: impl Fn(&MovedErrors) -> &[ErrorsAt]) -> Option<String> {
+    let worst = |i: usize| {
+        let found = errors.moved.iter().map(|moved| of(moved).get(i).copied());
+        found.collect::<Option<Vec<ErrorsAt>>>()?.into_iter().reduce(|a, b| a.and(&b))
+    };
+    let is_named = |at: &ErrorsAt| at.angle == 0.0 || NAMED.contains(&at.angle);
+    let levels = (0..).map_while(worst).filter(is_named);
+    let levels: Vec<String> = levels.map(|at| format!("{}: {}", far(&at), within(&at))).collect();
+    (!levels.is_empty()).then(|| format!("{motion} {}", levels.join("; ")))
+}
+
+fn pushed(moved: &MovedErrors) -> &[ErrorsAt] {
+    moved.hung.as_ref().map_or(&[], |hung| &hung.at)
 }
 
 fn within(at: &ErrorsAt) -> String {

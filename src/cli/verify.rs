@@ -9,7 +9,7 @@ use crate::base::table::{Table, seconds};
 use crate::config::unknown_name;
 use crate::tuning;
 use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
-use crate::verify::truth::{self, JudgedBody, KeptBodies, Run, Source, Standing, held, offenders};
+use crate::verify::truth::{self, JudgedBody, KeptBodies, Planner, Run, Source, Standing, held, offenders};
 use crate::verify::{self, Bound, ConvergenceRow, Effort, PROBLEMS, Problem, together};
 use indexmap::IndexMap;
 use serde_json::{Value, json};
@@ -49,6 +49,9 @@ pub struct Args {
     /// of them
     #[arg(long, value_name = "FILE")]
     pub keep: Option<PathBuf>,
+    /// Judge the ± beside forces of `truth` alone, which takes a minute for each body
+    #[arg(long)]
+    pub expected: bool,
     /// Solve each problem on one more, finer mesh; this takes some minutes
     #[arg(long, conflicts_with = "coarse")]
     pub fine: bool,
@@ -136,10 +139,18 @@ fn judge_truth(args: &Args) -> Result<(), Failure> {
         marks::try_between(path, TRUTH)?;
     }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let kept = args.keep.as_deref().map(KeptBodies::open).transpose().map_err(Failure::Request)?;
+    let kept = args
+        .keep
+        .as_deref()
+        .map(|path| KeptBodies::open(path, !args.expected))
+        .transpose()
+        .map_err(Failure::Request)?;
     if let (Some(path), Some(KeptBodies { bodies, others, .. })) = (&args.keep, &kept) {
-        let others =
-            if *others == 0 { String::new() } else { format!(", {others} of another build are not used") };
+        let others = if *others == 0 {
+            String::new()
+        } else {
+            format!(", {others} of another build or with other statements are not used")
+        };
         notice!("{}: {} bodies{others}", path.display(), bodies.len());
     }
     let is_new = |seed: &u64| kept.as_ref().is_none_or(|kept| !kept.has(*seed));
@@ -152,7 +163,8 @@ fn judge_truth(args: &Args) -> Result<(), Failure> {
         limit: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
     };
     let planner = |scene: &_, body: &str, rows, demand: &_| tuning::answered(scene, body, rows, demand);
-    let judged = run.judge(&planner, &|standing| {
+    let planner: Option<Planner<'_>> = (!args.expected).then_some(&planner);
+    let judged = run.judge(planner, &|standing| {
         notice!("{}", body_line(&standing, run.seeds.len()));
         if let (Some(kept), Ok(body)) = (&kept, standing.body)
             && let Err(error) = kept.keep(body)

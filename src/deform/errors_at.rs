@@ -48,6 +48,11 @@ impl ErrorsAt {
         }
     }
 
+    /// Whether they were measured as far as this.
+    fn covers(&self, reach: Reach) -> bool {
+        reach.turn <= self.turn && reach.stretch <= self.stretch && reach.off <= self.off
+    }
+
     /// `share` of the way to `next`.
     pub(super) fn towards(&self, next: &ErrorsAt, share: f64) -> ErrorsAt {
         let between = |a: f64, b: f64| a + share * (b - a);
@@ -132,11 +137,16 @@ impl ErrorsAt {
     }
 }
 
+/// The errors of the first of the measured reaches that goes as far: of a wall that may buckle anywhere between two of them.
+pub(super) fn within(measured: &[ErrorsAt], reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
+    let next = measured.iter().position(|at| at.covers(reach))?;
+    if next == 0 { between(measured, reach, begin) } else { Some(measured[next]) }
+}
+
 /// The errors at a reach: between the measured ones, up to the first its own or, where it is known with what they begin at rest, what
 /// they can have grown to; `None` beyond the last.
 pub(super) fn between(measured: &[ErrorsAt], reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
-    let covers = |at: &ErrorsAt| reach.turn <= at.turn && reach.stretch <= at.stretch && reach.off <= at.off;
-    let next = measured.iter().position(covers)?;
+    let next = measured.iter().position(|at| at.covers(reach))?;
     let (to, Some(from)) = (measured[next], next.checked_sub(1).map(|last| measured[last])) else {
         let first = measured[next];
         return Some(begin.map_or(first, |begin| first.begun(reach, begin)));

@@ -7,10 +7,13 @@ use super::deformer::Deformer;
 use super::errors_at::{ErrorsAt, between, is_whole, load_share};
 use super::mesh_errors::MeshErrors;
 use super::model::ModelEntry;
+use super::motion_errors::MotionErrors;
 use super::pose::frame::Wrench;
 use super::statics::freedom::Freedom;
-use super::turn::{Reach, reach, rests};
+use super::trial::Moved;
+use super::turn::{Reach, reach, rests, turn_against_others};
 use crate::fem::nearest_turn;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Errors of a body's model, measured by moving some of its control elements alone.
@@ -38,52 +41,32 @@ pub struct ExpectedErrors {
 #[serde(deny_unknown_fields)]
 pub struct MovedErrors {
     pub control: String,
-    /// Errors of the model against static equilibrium on the same mesh, in order of increasing reach: bent along an arc and
-    /// twisted, so that the body keeps its length.
-    pub bent: Vec<ErrorsAt>,
-    /// Errors of the same kind: turned in place or shifted, so that the body is stretched.
-    pub shifted: Vec<ErrorsAt>,
-    /// Pulled away from the others, neither turned nor shifted aside.
-    #[serde(default)]
-    pub pulled: Vec<ErrorsAt>,
+    /// Unit vector across the way from the others to it, about which it was bent; [x, y, z].
+    pub across: [f64; 3],
+    /// Errors of the model against static equilibrium on the same mesh.
+    pub model: MotionErrors,
     /// Pushed along one axis of the body, free in all else.
     #[serde(default)]
     pub hung: Option<Hung>,
     /// Errors that mesh and element add in small motions, relative, where they could be measured.
     pub mesh: Option<MeshErrors>,
-    /// Errors that mesh and element add in large bends and twists: equilibrium on the body's own mesh against that of
-    /// [`Truth::Finer`](super::Truth::Finer), in order of increasing reach; empty where that was not measured.
+    /// Errors against equilibrium on the finer mesh of [`Truth::Finer`](super::Truth::Finer), beyond small motions; `None` where that is
+    /// not affordable.
     #[serde(default)]
-    pub mesh_bent: Vec<ErrorsAt>,
-    /// Errors of the same kind: turned in place or shifted.
-    #[serde(default)]
-    pub mesh_shifted: Vec<ErrorsAt>,
-    /// Errors of model and mesh together, against that finer equilibrium; `None` where it is not affordable.
-    #[serde(default)]
-    pub whole: Option<WholeErrors>,
+    pub finer: Option<FinerErrors>,
 }
 
-/// Errors of what is shown, model and mesh together, by motions as in [`MovedErrors`]; those of force and torque are parts of the
-/// largest force, or torque over length, that is shown, not of the equilibrium's.
+/// Errors against equilibrium on a finer mesh.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct WholeErrors {
-    /// The largest twist that has an equilibrium, rad: beyond it nothing was measured.
-    pub twist: f64,
-    pub bent: Vec<ErrorsAt>,
-    pub shifted: Vec<ErrorsAt>,
-    pub pulled: Vec<ErrorsAt>,
-}
-
-impl WholeErrors {
-    /// Errors at a reach beyond small motions; `None` beyond what was measured.
-    fn at(&self, reach: Reach) -> Option<ErrorsAt> {
-        let WholeErrors { twist, bent, shifted, pulled } = self.clone();
-        if reach.twist > twist {
-            return None;
-        }
-        MovedErrors { bent, shifted, pulled, ..MovedErrors::default() }.at(reach, None)
-    }
+pub struct FinerErrors {
+    /// Errors of equilibrium on the body's own mesh.
+    pub mesh: MotionErrors,
+    /// What is left to the finer mesh itself of its error in small motions, by a mesh that is finer still, where that is affordable.
+    pub rest: Option<MeshErrors>,
+    /// Errors of what is shown, model and mesh together; those of force and torque are parts of the largest force, or torque over
+    /// length, that is shown, not of the equilibrium's.
+    pub whole: MotionErrors,
 }
 
 /// Errors of a control element that is free but for one shift: its pose is found, by the model and by the body.
@@ -114,9 +97,6 @@ impl Hung {
     }
 }
 
-/// Distance from an arc below which a body counts as bent along it, as a part of its length.
-const ARC: f64 = 0.001;
-
 /// Turn, °, and stretch and shift aside up to which a motion is small: there the linear theory has the part of the mesh.
 const SMALL: (f64, f64) = (1.0, 0.01);
 
@@ -128,44 +108,21 @@ fn is_small(reach: Reach) -> bool {
 impl MovedErrors {
     /// All errors by motions.
     fn lists(&self) -> Vec<&[ErrorsAt]> {
-        let MovedErrors { bent, shifted, pulled, hung, mesh_bent, mesh_shifted, whole, .. } = self;
-        let mut lists: Vec<&[ErrorsAt]> = vec![bent, shifted, pulled, mesh_bent, mesh_shifted];
+        let MovedErrors { model, hung, finer, .. } = self;
+        let mut lists: Vec<&[ErrorsAt]> = model.lists().collect();
         lists.extend(hung.iter().map(|hung| hung.at.as_slice()));
-        lists.extend(whole.iter().flat_map(|whole| [&whole.bent[..], &whole.shifted, &whole.pulled]));
+        lists.extend(finer.iter().flat_map(|finer| finer.mesh.lists().chain(finer.whole.lists())));
         lists
     }
 
-    /// The errors of the mesh at a reach beyond small motions; `None` where they were not measured.
-    fn mesh_at(&self, reach: Reach) -> Option<ErrorsAt> {
-        if reach.is_pulled {
-            return between(&self.mesh_shifted, Reach { turn: 0.0, ..reach }, Some(&ErrorsAt::NONE));
-        }
-        let (bent, shifted) = (self.mesh_bent.clone(), self.mesh_shifted.clone());
-        MovedErrors { bent, shifted, ..MovedErrors::default() }.at(reach, Some(&ErrorsAt::NONE))
-    }
-
-    /// Errors at a reach. A pull has its own, an arc those of bends. Off the arc they are those of the bend that is in the motion
-    /// and of the first shift that is off as far, and beyond that on the way to those of the shifts that go as far.
-    fn at(&self, reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
-        let Reach { turn, arc, stretch, off, is_pulled, .. } = reach;
-        let pull = Reach { turn: 0.0, ..reach };
-        if is_pulled && let Some(pulled) = between(&self.pulled, pull, begin) {
-            return Some(pulled);
-        }
-        let first = *self.shifted.first().or(self.bent.first())?;
-        let near = begin.is_some() && turn <= first.turn && stretch <= first.stretch && off <= first.off;
-        let on_arc = self.bent.last()?.off + ARC;
-        if off <= on_arc && !near {
-            return between(&self.bent, Reach { turn, stretch, ..Reach::default() }, begin);
-        }
-        let bent = between(&self.bent, Reach { turn: arc, ..Reach::default() }, begin)?;
-        let aside = Reach { off, ..Reach::default() };
-        let least = bent.and(&begin.map_or(first, |begin| first.begun(aside, begin)));
-        if near {
-            return Some(least);
-        }
-        let shifted = between(&self.shifted, reach, begin)?;
-        Some(least.towards(&least.and(&shifted), (off / shifted.off).min(1.0)))
+    /// The turn of the control element against the others, with components as of a [`Direction`](super::Direction); `None` where these
+    /// do not rest against each other.
+    fn turn(&self, deformer: &Deformer) -> Option<Vector3<f64>> {
+        let element = deformer.controls.iter().position(|control| control.name == self.control)?;
+        let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
+        let moved = Moved::new(&origins, element)?.about(self.across.into());
+        let turn = turn_against_others(deformer, element)?;
+        Some(moved.directions().tr_mul(&turn))
     }
 }
 
@@ -179,7 +136,9 @@ impl ExpectedErrors {
             let begun = |at: ErrorsAt| at.begun_by(share, &ErrorsAt::NONE);
             return self.loaded.map(|at| if self.begin_at_zero { begun(at) } else { at });
         }
-        self.at(reach(deformer)).filter(|_| is_whole(share))
+        let reach = reach(deformer);
+        self.largest(|moved, begin| moved.model.at(reach, moved.turn(deformer).as_ref(), begin))
+            .filter(|_| is_whole(share))
     }
 
     /// Errors where the control elements rest, with which all others begin; `None` where they are not known.
@@ -201,12 +160,16 @@ impl ExpectedErrors {
         turns.filter_map(|turn| load_share(&self.loads, &acting, metas, &turn)).reduce(f64::max)
     }
 
-    /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach; `None` where
-    /// that was not measured.
+    /// The largest errors to expect of the model, whichever of the measured control elements was moved to this reach, in any direction;
+    /// `None` where that was not measured.
     pub fn at(&self, reach: Reach) -> Option<ErrorsAt> {
+        self.largest(|moved, begin| moved.model.at(reach, None, begin))
+    }
+
+    /// The largest of all control elements, each of which must have some.
+    fn largest(&self, of: impl Fn(&MovedErrors, Option<&ErrorsAt>) -> Option<ErrorsAt>) -> Option<ErrorsAt> {
         let begin = self.begin();
-        let found =
-            self.moved.iter().map(|moved| moved.at(reach, begin.as_ref())).collect::<Option<Vec<_>>>()?;
+        let found = self.moved.iter().map(|moved| of(moved, begin.as_ref())).collect::<Option<Vec<_>>>()?;
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
@@ -226,40 +189,44 @@ impl ExpectedErrors {
         found.into_iter().reduce(|a, b| a.and(&b))
     }
 
-    /// The part of a body's wrenches that is the mesh's, in the present pose: the larger of that of the linear theory, in the worst
-    /// motion where this one was not measured, and of that of the equilibria. `None` where it could not be measured, and in a
-    /// large motion beyond the equilibria that were.
+    /// The part of a body's wrenches that is the mesh's, in the present pose: in small motions that of the linear theory, in the worst
+    /// motion where this one was not measured, in large ones that of the equilibria. `None` where it could not be measured.
     pub fn mesh_at(&self, deformer: &Deformer, wrenches: &[Wrench]) -> Option<f64> {
-        let most = self.mesh()?.wrench;
-        let of_one = |moved: &MovedErrors| {
-            let element = deformer.controls.iter().position(|control| control.name == moved.control)?;
-            moved.mesh.as_ref()?.in_pose(deformer, wrenches, element)
-        };
-        let linear = self.moved.iter().filter_map(of_one).reduce(f64::max).unwrap_or(most);
         let reach = reach(deformer);
         if is_small(reach) {
-            return Some(linear);
+            let most = self.mesh()?.wrench;
+            let of_one = |moved: &MovedErrors| {
+                let element = deformer.controls.iter().position(|control| control.name == moved.control)?;
+                let [force, torque] = moved.mesh.as_ref()?.in_pose(deformer, wrenches, element)?;
+                Some(force.max(torque))
+            };
+            return Some(self.moved.iter().filter_map(of_one).reduce(f64::max).unwrap_or(most));
         }
-        let large = |moved: &MovedErrors| moved.mesh_at(reach)?.wrench();
+        let large = |moved: &MovedErrors| {
+            let of_mesh = &moved.finer.as_ref()?.mesh;
+            of_mesh.at(reach, moved.turn(deformer).as_ref(), Some(&ErrorsAt::NONE))?.wrench()
+        };
         let large = self.moved.iter().map(large).collect::<Option<Vec<f64>>>()?;
-        Some(large.into_iter().fold(linear, f64::max))
+        large.into_iter().reduce(f64::max)
     }
 
-    /// The errors of force and of torque over length, model and mesh together, as parts of the largest that is shown: the larger of
-    /// what was measured together and of the sum of both parts, with the errors `of_model`. `None` in small motions, beyond what was
-    /// measured, and under other loads.
-    pub fn whole_at(&self, deformer: &Deformer, of_model: [f64; 2]) -> Option<[f64; 2]> {
+    /// The errors of force and of torque over length, model and mesh together, as parts of the largest that is shown: those against the
+    /// finer mesh, and what that itself has in the small motion. `None` in small motions, beyond what was measured, and under other loads.
+    pub fn whole_at(&self, deformer: &Deformer, wrenches: &[Wrench]) -> Option<[f64; 2]> {
         let reach = reach(deformer);
-        if is_small(reach) || self.moved.is_empty() || !self.is_under_its_loads(deformer) {
+        if is_small(reach) || !self.is_under_its_loads(deformer) {
             return None;
         }
-        let mut most = [0.0_f64; 2];
-        for moved in &self.moved {
-            let (whole, mesh) = (moved.whole.as_ref()?.at(reach)?, moved.mesh_at(reach)?);
-            let sums = [of_model[0] + mesh.force?, of_model[1] + mesh.torque?];
-            most = [most[0].max(whole.force?).max(sums[0]), most[1].max(whole.torque?).max(sums[1])];
-        }
-        Some(most)
+        let whole = self
+            .largest(|moved, _| moved.finer.as_ref()?.whole.at(reach, moved.turn(deformer).as_ref(), None))?;
+        let rest = |moved: &MovedErrors| {
+            let rest = moved.finer.as_ref()?.rest.as_ref()?;
+            let element = deformer.controls.iter().position(|control| control.name == moved.control)?;
+            Some(rest.in_pose(deformer, wrenches, element).unwrap_or([rest.wrench; 2]))
+        };
+        let rest = self.moved.iter().filter_map(rest);
+        let [force, torque] = rest.fold([0.0_f64; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
+        Some([whole.force? + force, whole.torque? + torque])
     }
 
     /// Errors at the first number that no measurement gives.
@@ -272,7 +239,7 @@ impl ExpectedErrors {
             return Err(format!("under the loads: {wrong} is no load"));
         }
         for moved in &self.moved {
-            let MovedErrors { control, hung, mesh, whole, .. } = moved;
+            let MovedErrors { control, across, hung, mesh, finer, .. } = moved;
             let lists = moved.lists();
             if let Some(wrong) = hung.as_ref().map(|hung| hung.along).filter(|along| *along > 2) {
                 return Err(format!("{control}: pushed along axis {wrong}, where a body has 0 to 2"));
@@ -296,10 +263,11 @@ impl ExpectedErrors {
             {
                 return Err(format!("{control}: {wrong} is no error of the mesh"));
             }
-            if let Some(wrong) = whole.iter().map(|whole| whole.twist).find(|x| !is_error(*x)) {
-                return Err(format!("{control}: {wrong} is no twist"));
+            if !across.iter().all(|x| x.is_finite()) {
+                return Err(format!("{control}: {across:?} is no direction"));
             }
-            let stiffness = mesh.iter().filter_map(|mesh| mesh.stiffness);
+            let rest = finer.iter().filter_map(|finer| finer.rest.as_ref());
+            let stiffness = mesh.iter().chain(rest).filter_map(|mesh| mesh.stiffness);
             if let Some(wrong) = stiffness.flat_map(|all| all.numbers()).find(|x| !x.is_finite()) {
                 return Err(format!("{control}: {wrong} is no stiffness"));
             }
@@ -310,6 +278,7 @@ impl ExpectedErrors {
 
 #[cfg(test)]
 mod tests {
+    use super::super::motion_errors::TurnErrors;
     use super::*;
 
     fn at(angle: f64, [stretch, off]: [f64; 2], force: f64) -> ErrorsAt {
@@ -321,8 +290,9 @@ mod tests {
         let bent = vec![at(10.0, [0.01, 0.0], 0.02), at(30.0, [0.05, 0.0], 0.12), at(60.0, [0.07, 0.0], 0.5)];
         let shifted = vec![at(10.0, [0.03, 0.1], 0.04), at(30.0, [0.06, 0.3], 0.3)];
         let mesh = Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] });
-        let moved =
-            vec![MovedErrors { control: "right".into(), bent, shifted, mesh, ..MovedErrors::default() }];
+        let turned = TurnErrors { twisted: bent.clone(), both: bent.clone(), bent, about: Vec::new() };
+        let model = MotionErrors { turned, shifted, ..MotionErrors::default() };
+        let moved = vec![MovedErrors { control: "right".into(), model, mesh, ..MovedErrors::default() }];
         ExpectedErrors { moved, ..ExpectedErrors::default() }
     }
 
@@ -383,8 +353,8 @@ mod tests {
     fn of_several_control_elements_the_worst_counts_and_all_must_be_measured() {
         let mut both = measured();
         let mut other = both.moved[0].clone();
-        other.bent.iter_mut().for_each(|at| at.shape = 0.3);
-        other.bent[1].force = None;
+        other.model.turned.bent.iter_mut().for_each(|at| at.shape = 0.3);
+        other.model.turned.bent[1].force = None;
         both.moved.push(other);
         let at = |degrees: f64| {
             both.at(Reach {
@@ -395,7 +365,7 @@ mod tests {
         };
         assert_eq!(at(10.0).map(|at| (at.wrench(), at.shape)), Some((Some(0.02), 0.3)));
         assert_eq!(at(30.0).map(|at| at.wrench()), Some(None), "one has no forces there");
-        both.moved[1].bent.pop();
+        both.moved[1].model.turned.bent.pop();
         both.moved[1].mesh = None;
         assert_eq!((both.at(Reach { turn: 1.0, ..Reach::default() }), both.mesh()), (None, None));
     }
@@ -405,11 +375,14 @@ mod tests {
         assert_eq!(measured().check(), Ok(()));
         for (spoil, words) in [
             (
-                (|all| all.moved[0].bent[0].shape = -0.1) as fn(&mut ExpectedErrors),
+                (|all| all.moved[0].model.turned.bent[0].shape = -0.1) as fn(&mut ExpectedErrors),
                 "right at 10°: -0.1 is no error",
             ),
-            (|all| all.moved[0].bent[1].force = Some(f64::INFINITY), "right at 30°: inf is no error"),
-            (|all| all.moved[0].bent.swap(0, 2), "not in the order"),
+            (
+                |all| all.moved[0].model.turned.bent[1].force = Some(f64::INFINITY),
+                "right at 30°: inf is no error",
+            ),
+            (|all| all.moved[0].model.turned.bent.swap(0, 2), "not in the order"),
             (
                 |all| {
                     all.moved[0].mesh =

@@ -80,19 +80,25 @@ impl RigidStiffness {
 
 /// The larger of force and torque over the length, N.
 pub fn wrench_size(w: &Vector6<f64>, length: f64) -> f64 {
-    w.fixed_rows::<3>(0).norm().max(w.fixed_rows::<3>(3).norm() / length)
+    let [force, torque] = sizes(w, length);
+    force.max(torque)
+}
+
+/// Force and torque over the length, N.
+fn sizes(w: &Vector6<f64>, length: f64) -> [f64; 2] {
+    [w.fixed_rows::<3>(0).norm(), w.fixed_rows::<3>(3).norm() / length]
 }
 
 impl MeshErrors {
-    /// The mesh's part of the wrench on a control element.
-    fn at(&self, against: &Against) -> Option<f64> {
+    /// The mesh's part of the force on a control element and of its torque over the length, as parts of the larger of both.
+    fn at(&self, against: &Against) -> Option<[f64; 2]> {
         let [own, better] = self.stiffness.as_ref()?.wrenches(&against.motion);
         let size = |w: Vector6<f64>| wrench_size(&w, against.length);
         let whole = size(against.wrench);
-        let of_motion = match size(own - better) / size(better) {
+        let of_motion = sizes(&(own - better), against.length).map(|apart| match apart / size(better) {
             part if part.is_finite() => part * size(own),
             _ => 0.0,
-        };
+        });
         let loads = &against.loads;
         // Loads that nothing was measured of have none of this part.
         let is_known = self.loads.len() == loads.coefficients.len();
@@ -103,8 +109,9 @@ impl MeshErrors {
             false => (0.0, Vector6::zeros()),
         };
         let beside = self.wrench * size(against.wrench - own - by_loads);
-        let part = (of_motion + of_loads + beside) / whole;
-        part.is_finite().then(|| part.min(self.wrench.max(of_loads / whole)))
+        let parts = of_motion.map(|of_motion| (of_motion + of_loads + beside) / whole);
+        let most = self.wrench.max(of_loads / whole);
+        parts.iter().all(|part| part.is_finite()).then(|| parts.map(|part| part.min(most)))
     }
 }
 
@@ -161,8 +168,9 @@ impl Against {
 }
 
 impl MeshErrors {
-    /// The part of the wrench on a control element that is the mesh's, in the pose as it is; `None` where that was not measured of it.
-    pub fn in_pose(&self, deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<f64> {
+    /// The parts of the force on a control element and of its torque over the length that are the mesh's, of the larger of both, in the pose
+    /// as it is; `None` where that was not measured of it.
+    pub fn in_pose(&self, deformer: &Deformer, wrenches: &[Wrench], element: usize) -> Option<[f64; 2]> {
         self.at(&Against::new(deformer, wrenches, element)?)
     }
 }

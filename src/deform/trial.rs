@@ -6,6 +6,7 @@
 use super::deformer::Deformer;
 use super::model::ModelEntry;
 use super::models::large_strain_law_of;
+use super::motion_errors::Direction;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
@@ -24,12 +25,10 @@ use std::time::Instant;
 pub enum Motion {
     /// Bend along a circular arc that keeps its length, °.
     Bend(f64),
-    /// Bend along such an arc in the other plane, about the direction perpendicular to axis and across, °.
-    BendAside(f64),
     /// Twist about the axis, °.
     Twist(f64),
-    /// Turn about an axis that is as far from the way as from both directions across it, °, along a helix that keeps its length.
-    Skew(f64),
+    /// Turn about a direction, °, along an arc or a helix that keeps its length.
+    Turn(Direction, f64),
     /// Shift by parts of the length, along and across.
     Shift([f64; 2]),
     /// Turned across the axis, °, and shifted across it.
@@ -42,9 +41,13 @@ impl Motion {
     pub fn name(self) -> String {
         match self {
             Motion::Bend(degrees) => format!("bent by {degrees}°"),
-            Motion::BendAside(degrees) => format!("bent aside by {degrees}°"),
             Motion::Twist(degrees) => format!("twisted by {degrees}°"),
-            Motion::Skew(degrees) => format!("bent and twisted by {degrees}°"),
+            Motion::Turn([0, 0, 1], degrees) => format!("bent aside by {degrees}°"),
+            Motion::Turn([1, 1, 1], degrees) => format!("bent and twisted by {degrees}°"),
+            Motion::Turn([0, b, c], degrees) => format!("bent by {degrees}° about ({b}, {c})"),
+            Motion::Turn([a, b, c], degrees) => {
+                format!("bent and twisted by {degrees}° about ({a}, {b}, {c})")
+            }
             Motion::Shift([0.0, across]) => format!("across by {} %", 100.0 * across),
             Motion::Shift([along, _]) => format!("along by {} %", 100.0 * along),
             Motion::Mixed(degrees, across) => {
@@ -60,9 +63,8 @@ impl Motion {
     pub fn part(self, share: f64) -> Motion {
         match self {
             Motion::Bend(degrees) => Motion::Bend(share * degrees),
-            Motion::BendAside(degrees) => Motion::BendAside(share * degrees),
             Motion::Twist(degrees) => Motion::Twist(share * degrees),
-            Motion::Skew(degrees) => Motion::Skew(share * degrees),
+            Motion::Turn(about, degrees) => Motion::Turn(about, share * degrees),
             Motion::Shift(parts) => Motion::Shift(parts.map(|part| share * part)),
             Motion::Mixed(degrees, across) => Motion::Mixed(share * degrees, share * across),
             Motion::BentAndPulled(degrees, along) => Motion::BentAndPulled(share * degrees, share * along),
@@ -72,9 +74,12 @@ impl Motion {
     /// Whether `other` goes on where this motion ends.
     fn leads_to(self, other: Motion) -> bool {
         match (self, other) {
-            (Motion::Bend(from), Motion::Bend(to))
-            | (Motion::BendAside(from), Motion::BendAside(to))
-            | (Motion::Twist(from), Motion::Twist(to)) => from * to > 0.0 && (to - from).abs() < 180.0,
+            (Motion::Bend(from), Motion::Bend(to)) | (Motion::Twist(from), Motion::Twist(to)) => {
+                from * to > 0.0 && (to - from).abs() < 180.0
+            }
+            (Motion::Turn(about, from), Motion::Turn(to_about, to)) => {
+                about == to_about && from * to > 0.0 && (to - from).abs() < 180.0
+            }
             _ => false,
         }
     }
@@ -115,6 +120,11 @@ impl Moved {
         Moved { across: across.try_normalize(1e-9).unwrap_or(self.across), ..self }
     }
 
+    /// The axis, the direction across it, and the third one, about which a [`Direction`] turns.
+    pub fn directions(&self) -> Matrix3<f64> {
+        Matrix3::from_columns(&[self.axis, self.across, self.across.cross(&self.axis)])
+    }
+
     /// The poses of all control elements.
     pub fn poses(&self, motion: Motion) -> ControlPoses {
         let mut poses = vec![ControlPose::REST; self.elements];
@@ -138,10 +148,9 @@ impl Moved {
         };
         let (translation, matrix) = match motion {
             Motion::Bend(degrees) => bent(degrees, *across, lateral),
-            Motion::BendAside(degrees) => bent(degrees, lateral, -across),
             Motion::Twist(degrees) => (Vector3::zeros(), turned(*axis, degrees)),
-            Motion::Skew(degrees) => {
-                let about = (axis + across + lateral).normalize();
+            Motion::Turn(about, degrees) => {
+                let about = (self.directions() * Vector3::from(about.map(f64::from))).normalize();
                 let end = slide_matrix(&(about * degrees.to_radians())) * axis;
                 ((end - axis) * *length, turned(about, degrees))
             }

@@ -68,15 +68,14 @@ pub struct Reach {
     /// The largest turn by which two control elements are bent along an arc, and twisted, against each other, rad: of an end that is
     /// turned in place the twist alone, of one that is shifted nothing.
     pub arc: f64,
-    /// The largest twist of two control elements against each other, about the way between them at rest, rad.
-    pub twist: f64,
     /// The largest |λ - 1| of the stretches λ of a piece of the surface.
     pub stretch: f64,
     /// Largest distance of two control elements from where an arc of their own length would bring them with their turn, as a part
     /// of that length: with V(φ) d of the helicoidal motion with the turn φ between them.
     pub off: f64,
-    /// Whether one control element is pulled away from the others, which rest, and neither turned nor shifted aside.
-    pub is_pulled: bool,
+    /// Part of its distance by which one control element is pulled away from the others, which rest, or pressed towards them where it is
+    /// negative, and neither turned nor shifted aside; else 0.
+    pub pull: f64,
 }
 
 /// Pose of one control element against another, by the axes of that one.
@@ -105,12 +104,13 @@ impl Relative {
         self.turn.norm() < RESTS && self.shift.norm() < RESTS * self.way.norm()
     }
 
-    /// Whether it is pulled straight away.
-    fn is_pulled(&self) -> bool {
+    /// The part of the way by which it is pulled straight away, or pressed; 0 where it is turned or shifted aside too.
+    fn pull(&self) -> f64 {
         let along = self.shift.dot(&self.way) / self.way.norm();
         let aside = (self.shift.norm_squared() - along * along).max(0.0).sqrt();
-        let most = ASIDE * along;
-        along > 0.0 && aside <= most && self.turn.norm() * self.way.norm() <= most
+        let most = ASIDE * along.abs();
+        let is_straight = aside <= most && self.turn.norm() * self.way.norm() <= most;
+        if is_straight { along / self.way.norm() } else { 0.0 }
     }
 
     /// Distance of the shift from that of an arc, as a part of the way.
@@ -144,14 +144,29 @@ const ASIDE: f64 = 0.02;
 /// Largest motion of others against each other with which they count as resting, of their distance and in rad.
 pub(super) const RESTS: f64 = 1e-6;
 
-fn is_pulled(deformer: &Deformer) -> bool {
-    let count = deformer.controls.len();
-    let is_alone = |e: usize| {
-        let others = || (0..count).filter(move |&a| a != e);
-        let rest = others().all(|b| others().all(|a| a == b || Relative::between(deformer, a, b).rests()));
-        rest && others().all(|a| Relative::between(deformer, a, e).is_pulled())
+/// The pull of one control element away from all others; 0 where there is none.
+fn pull(deformer: &Deformer) -> f64 {
+    let of_one = |e: usize| {
+        let others = others_at_rest(deformer, e)?;
+        let pulls = others.map(|a| Relative::between(deformer, a, e).pull());
+        pulls.reduce(|a, b| if a * b > 0.0 { a } else { 0.0 }).filter(|pull| *pull != 0.0 && pull.is_finite())
     };
-    count > 1 && (0..count).any(is_alone)
+    (0..deformer.controls.len()).find_map(of_one).unwrap_or(0.0)
+}
+
+/// The control elements but for `element`; `None` where they do not rest against each other.
+fn others_at_rest(deformer: &Deformer, element: usize) -> Option<impl Iterator<Item = usize>> {
+    let others = move |count: usize| (0..count).filter(move |&a| a != element);
+    let count = deformer.controls.len();
+    let rest =
+        others(count).all(|b| others(count).all(|a| a == b || Relative::between(deformer, a, b).rests()));
+    rest.then(|| others(count))
+}
+
+/// Turn of control element `element` against all others, by their axes, rad; `None` where these do not rest against each other.
+pub(super) fn turn_against_others(deformer: &Deformer, element: usize) -> Option<Vector3<f64>> {
+    let base = others_at_rest(deformer, element)?.next()?;
+    Some(Relative::between(deformer, base, element).turn)
 }
 
 /// The largest of all pairs of control elements.
@@ -187,10 +202,9 @@ pub fn reach(deformer: &Deformer) -> Reach {
         turn,
         // A half turn and one more are the same matrix.
         arc: if turn < std::f64::consts::PI { largest(deformer, Relative::along_the_arc) } else { turn },
-        twist: largest(deformer, Relative::twist),
         stretch: 0.0,
         off: largest(deformer, Relative::off_the_arc),
-        is_pulled: is_pulled(deformer),
+        pull: pull(deformer),
     };
     for triangle in triangles.iter().step_by(step) {
         let rest = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());

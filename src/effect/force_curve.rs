@@ -494,7 +494,7 @@ mod tests {
     /// The band is as wide as the measured errors, and there is none beyond the range in which they were measured.
     #[test]
     fn the_band_is_as_wide_as_the_measured_error() {
-        use crate::deform::{ErrorsAt, ExpectedErrors, MovedErrors};
+        use crate::deform::{ErrorsAt, ExpectedErrors, MotionErrors, MovedErrors, TurnErrors};
         use std::sync::Arc;
         let (_, mut world) = held("curve-band", "linear", &[]);
         let at = |angle: f64, stretch: f64| ErrorsAt {
@@ -506,10 +506,11 @@ mod tests {
             torque: Some(0.4),
             shape: 0.0,
         };
+        let all = || vec![at(1.0, 0.02)];
+        let turned = TurnErrors { bent: all(), twisted: all(), both: all(), about: vec![] };
         let moved = MovedErrors {
             control: "right".into(),
-            bent: vec![at(1.0, 0.02)],
-            shifted: vec![at(1.0, 0.02)],
+            model: MotionErrors { turned, shifted: all(), ..MotionErrors::default() },
             ..MovedErrors::default()
         };
         let body = &mut world.bodies[0];

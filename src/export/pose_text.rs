@@ -334,14 +334,28 @@ fn sureness(result: &PoseResult) -> Vec<String> {
     match &result.told.error {
         Sureness::Unknown(why) => vec![format!("force error unknown: {why}")],
         Sureness::Measured(error) => {
-            let [model, mesh] = error.parts;
-            let of_mesh = if error.is_whole { percent(mesh) } else { "not known".to_owned() };
-            let mut lines = vec![format!(
-                "error of forces: {} of the largest force by the model {}, {of_mesh} by the mesh",
-                percent(model),
-                result.told.model.name
-            )];
-            if model > DOUBTFUL && result.told.model.law().is_none() {
+            let name = result.told.model.name;
+            let how = match error.parts {
+                [Some(model), Some(mesh)] => {
+                    format!(
+                        "{} of the largest force by the model {name}, {} by the mesh",
+                        percent(model),
+                        percent(mesh)
+                    )
+                }
+                [Some(model), None] if !error.is_whole => {
+                    format!(
+                        "{} of the largest force by the model {name}, not known by the mesh",
+                        percent(model)
+                    )
+                }
+                _ => format!(
+                    "{} of the largest force by the model {name} and the mesh together",
+                    percent(error.part)
+                ),
+            };
+            let mut lines = vec![format!("error of forces: {how}")];
+            if error.parts[0].unwrap_or(error.part) > DOUBTFUL && result.told.model.law().is_none() {
                 lines.push(
                     "For forces in this pose take model = \"stvk\", which adds no error of its own"
                         .to_owned(),

@@ -51,8 +51,10 @@ pub struct WrenchError {
     pub moment: f64,
     /// Whether the model's part and the mesh's are both in it; else it may be more.
     pub is_whole: bool,
-    /// The parts of the model and of the mesh, of the largest force, or torque over the length.
-    pub parts: [f64; 2],
+    /// The larger of both, as a part of the largest force, or torque over the length.
+    pub part: f64,
+    /// The parts of it that are the model's and the mesh's, where each is known alone.
+    pub parts: [Option<f64>; 2],
 }
 
 /// The possible error of a body's forces and torques. `None` if nothing was measured, the pose is beyond what was, or the model
@@ -83,23 +85,23 @@ pub fn wrench_error_of(
     let hung = expected
         .hung(&names, freedom)
         .filter(|hung| is_alone() && !hung.at.is_empty() && expected.is_under_its_loads(deformer));
-    let (force, moment) = match expected.model.law().is_some() {
-        true => (0.0, 0.0),
-        false => {
-            let at = match hung {
-                Some(hung) => hung.at(reach(deformer))?,
-                // What is free in another way was not measured.
-                None if freedom.iter().any(Freedom::is_any) => return None,
-                None => expected.in_pose(deformer)?,
-            };
-            (at.force?, at.torque?)
-        }
+    let of_model = match (expected.model.law(), hung) {
+        (Some(_), _) => Some([0.0; 2]),
+        (None, Some(hung)) => hung.at(reach(deformer)).and_then(|at| Some([at.force?, at.torque?])),
+        // What is free in another way was not measured.
+        (None, None) if freedom.iter().any(Freedom::is_any) => None,
+        (None, None) => expected.in_pose(deformer).and_then(|at| Some([at.force?, at.torque?])),
     };
     let mesh = hung.and_then(|hung| hung.mesh).or_else(|| expected.mesh_at(deformer, wrenches));
-    let whole = if hung.is_some() { None } else { expected.whole_at(deformer, [force, moment]) };
-    if mesh.is_none() && whole.is_none() && expected.model.law().is_some() {
-        return None;
-    }
+    let whole = match freedom.iter().any(Freedom::is_any) {
+        true => None,
+        false => expected.whole_at(deformer, wrenches),
+    };
+    // The mesh alone says nothing of a model, nor a law that has no error beside the mesh of the mesh.
+    let of_both = || of_model.map(|parts| parts.map(|part| part + mesh.unwrap_or(0.0)));
+    let is_whole = mesh.is_some() || whole.is_some();
+    let [of_force, of_moment] =
+        whole.or_else(of_both).filter(|_| is_whole || expected.model.law().is_none())?;
     let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
     let length = |name: &String| {
         let element = deformer.controls.iter().position(|control| control.name == *name)?;
@@ -108,14 +110,12 @@ pub fn wrench_error_of(
     let length = expected.moved.iter().filter_map(|moved| length(&moved.control)).reduce(f64::max)?;
     let placed = wrenches.iter().zip(&deformer.poses).map(|(wrench, pose)| wrench.about_the_place(pose));
     let size = placed.map(|w| w.force.norm().max(w.moment.norm() / length)).fold(0.0, f64::max);
-    let of_mesh = mesh.unwrap_or(0.0);
-    let is_whole = mesh.is_some() || whole.is_some();
-    let [of_force, of_moment] = whole.unwrap_or([force + of_mesh, moment + of_mesh]);
     Some(WrenchError {
         force: of_force * size,
         moment: of_moment * size * length,
         is_whole,
-        parts: [force.max(moment), of_mesh],
+        part: of_force.max(of_moment),
+        parts: [of_model.map(|[force, moment]| force.max(moment)), mesh],
     })
 }
 

@@ -57,7 +57,8 @@ fn readings(turn: f64) -> Readings {
                 force: 0.3,
                 moment: 0.08,
                 is_whole: true,
-                parts: [0.0; 2],
+                part: 0.0,
+                parts: [None; 2],
             }),
         }),
     };
@@ -204,7 +205,7 @@ proptest! {
             held: true,
             force: Some(ForceReading {
                 wrench: Wrench { force: vector(12), moment: vector(15) },
-                error: Some(WrenchError { force: number(18).abs(), moment: number(19).abs(), is_whole: plain > 0.0, parts: [0.0; 2] }),
+                error: Some(WrenchError { force: number(18).abs(), moment: number(19).abs(), is_whole: plain > 0.0, part: 0.0, parts: [None; 2] }),
             }),
         };
         let rows = body_rows::control_rows(&control);
@@ -247,11 +248,13 @@ fn forces_stand_with_their_error_or_without_one() {
     let told = |error| -> Vec<String> {
         body_rows::control_rows(&control(error)).iter().flat_map(|(_, row)| texts(row)).collect()
     };
-    let measured = told(Some(WrenchError { force: 0.3, moment: 0.08, is_whole: true, parts: [0.0; 2] }));
+    let measured =
+        told(Some(WrenchError { force: 0.3, moment: 0.08, is_whole: true, part: 0.0, parts: [None; 2] }));
     assert_eq!(measured[5], "force    12.34 N  ±   0.30");
     assert_eq!(measured[6], "  x y z     1.5  -12.2    0.0");
     assert_eq!(measured[7], "torque    3.01 N·m  ±   0.08");
-    let partly = told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false, parts: [0.0; 2] }));
+    let partly =
+        told(Some(WrenchError { force: 1300.0, moment: 0.08, is_whole: false, part: 0.0, parts: [None; 2] }));
     assert_eq!(partly[5], "force     0.01 kN ±>  1.30");
     let unknown = told(None);
     assert_eq!(unknown[5], "force    12.34 N  error unknown");
@@ -295,7 +298,9 @@ fn the_history_keeps_the_last_120_frames() {
 /// Numbers between those that were measured, none beyond, and no row for a body of which nothing was.
 #[test]
 fn errors_are_told_as_they_were_measured_and_nowhere_else() {
-    use crate::deform::{ErrorsAt, ExpectedErrors, MeshErrors, MovedErrors};
+    use crate::deform::{
+        ErrorsAt, ExpectedErrors, FinerErrors, MeshErrors, MotionErrors, MovedErrors, TurnErrors,
+    };
     let mut world = crate::world::tests::world("overlay-errors");
     let body = &mut world.bodies[0];
     let mut told = |expected: Option<ExpectedErrors>, degrees: f64| {
@@ -314,13 +319,18 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
         torque: Some(0.01),
         shape: 0.1 * force,
     };
+    let of = |bent: Vec<ErrorsAt>, shifted| {
+        let turned = TurnErrors { twisted: bent.clone(), both: bent.clone(), bent, about: vec![] };
+        MotionErrors { turned, shifted, ..MotionErrors::default() }
+    };
     let moved = MovedErrors {
         control: "right".into(),
-        bent: vec![at(10.0, 0.02), at(30.0, 0.12)],
-        shifted: vec![at(10.0, 0.01), at(30.0, 0.03)],
+        model: of(vec![at(10.0, 0.02), at(30.0, 0.12)], vec![at(10.0, 0.01), at(30.0, 0.03)]),
         mesh: Some(MeshErrors { wrench: 0.09, shape: 0.01, stiffness: None, loads: vec![] }),
-        mesh_bent: vec![at(60.0, 0.05)],
-        mesh_shifted: vec![at(60.0, 0.05)],
+        finer: Some(FinerErrors {
+            mesh: of(vec![at(60.0, 0.05)], vec![at(60.0, 0.05)]),
+            ..FinerErrors::default()
+        }),
         ..MovedErrors::default()
     };
     let measured = Some(ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() });

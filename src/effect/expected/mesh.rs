@@ -27,8 +27,8 @@ use nalgebra::{DMatrix, DVector, Matrix3x2, Matrix6, Vector3, Vector6};
 /// A better solution of a body, with its control elements on the same parts of it.
 pub struct BetterBody {
     solution: Solution,
-    /// Whether it differs from the body in the size of its tetrahedra alone, so that its own error follows from the difference.
-    is_cut: bool,
+    /// The quadratic solution on the body's own mesh where this is in tetrahedra of half the size, and the body is not quadratic.
+    uncut: Option<Solution>,
     /// The coefficient of each column of the body's loads.
     loads: Vec<f64>,
 }
@@ -57,45 +57,21 @@ impl Progress for Better<'_> {
 impl BetterBody {
     /// Errors where it cannot be solved.
     pub fn new(scene: &Scene, name: &str, progress: &dyn Progress) -> Result<BetterBody, GreenError> {
-        let mut scene = scene.clone();
-        let body = &mut scene.body[name];
-        let is_cut = body.element.order > 1;
-        let Prepared { mut mesh, controls, mut lame, .. } = green::prepare(&scene, name)?;
-        // A group of nodes tells which of the new nodes it holds.
-        let held = |e: usize| format!("held by control element {e}");
-        for (e, control) in controls.iter().enumerate() {
-            mesh.groups.insert(held(e), control.nodes.clone());
-        }
-        let body = &mut scene.body[name];
-        body.element = &TET10;
-        let on_tube;
-        let curve: Curve<'_> = match &scene.body[name].generate {
-            Some(Generate::Tube(tube)) => {
-                on_tube = |a: &_, b: &_| tube.curve(a, b);
-                &on_tube
-            }
-            _ => &straight,
+        let is_quadratic = scene.body[name].element.order > 1;
+        let cuts = is_quadratic || green::prepare(scene, name)?.mesh.tets.len() <= MOST_CUT;
+        let solution = quadratic_solution(scene, name, cuts, progress)?;
+        let uncut = match cuts && !is_quadratic {
+            true => Some(quadratic_solution(scene, name, false, progress)?),
+            false => None,
         };
-        let mesh = if is_cut || mesh.tets.len() <= MOST_CUT {
-            lame = lame.iter().flat_map(|lame| [*lame; 8]).collect();
-            let cut = refine(mesh, 1, curve);
-            cut.map_err(|error| scene.invalid(&format!("body.{name}.refine"), error.to_string()))?
-        } else {
-            mesh
-        };
-        let mesh = if is_cut { mesh } else { quadratic(mesh, curve) };
-        let (low, high) = quality::bounding_box(&mesh.nodes);
-        let control = |(e, control): (usize, &ControlElement)| {
-            let nodes = mesh.groups.get(&held(e)).cloned().unwrap_or_default();
-            ControlElement::new(&control.name, nodes, &mesh, (high - low).norm())
-        };
-        let controls = controls.iter().enumerate().map(control).collect();
-        let prepared = Prepared { mesh, controls, lame, findings: Vec::new() };
         let loads = PoseLoads::of_scene(&scene.body[name]).coefficients;
-        let families = if loads.is_empty() { vec![STIFFNESS] } else { vec![STIFFNESS, LOADS] };
-        let required = Requirements::new(&families);
-        let solution = green::solve_prepared(&scene, name, prepared, &required, &Better(progress))?;
-        Ok(BetterBody { solution, is_cut, loads })
+        Ok(BetterBody { solution, uncut, loads })
+    }
+
+    /// The errors of quadratic elements on the body's own mesh for control element `e`, by those in tetrahedra of half the size; `None`
+    /// where these were not solved.
+    pub fn of_quadratic(&self, e: usize) -> Option<MeshErrors> {
+        self.share(self.uncut.as_ref()?, e)
     }
 
     /// The errors that the mesh of `solution` adds to control element `e`; `None` where its rigid motions meet no resistance, or
@@ -105,7 +81,7 @@ impl BetterBody {
         let [k, better] = [solution, &self.solution].map(|solution| rigid_stiffness(solution, e, &about));
         let (k, better) = (k?, better?);
         let wrench = largest_ratio(k - better, better)?;
-        let stiffness = Some(RigidStiffness::new(&k, &self.limit(&k, &better)));
+        let stiffness = Some(RigidStiffness::new(&k, &limit(solution, &k, &better)));
         let nodes = same_nodes(&solution.mesh, &self.solution.mesh, &solution.surface.nodes);
         let [u, better] =
             [solution, &self.solution].map(|solution| rigid_fields(solution, e, &about, &nodes));
@@ -114,7 +90,12 @@ impl BetterBody {
         let [of_load, shape_of_load] = self.loads_apart(solution, e, &nodes).unwrap_or_default();
         let (wrench, shape) = (wrench.max(of_load), shape.max(shape_of_load));
         let loads = self.of_loads(solution, e);
-        Some(MeshErrors { wrench: self.error(wrench)?, shape: self.error(shape)?, stiffness, loads })
+        Some(MeshErrors {
+            wrench: error(solution, wrench)?,
+            shape: error(solution, shape)?,
+            stiffness,
+            loads,
+        })
     }
 
     /// The error of the wrench on control element `e` for a unit of each of the scene's loads, in N, while all elements rest;
@@ -130,21 +111,13 @@ impl BetterBody {
         };
         let both = wrenches(solution).zip(wrenches(&self.solution));
         let Some(((own, better), moved)) = both.zip(Moved::new(&origins, e)) else { return Vec::new() };
-        let rest = if self.is_cut { 1.0 + 1.0 / (ORDER.exp2() - 1.0) } else { 1.0 };
+        let rest = if is_cut(solution) { 1.0 + 1.0 / (ORDER.exp2() - 1.0) } else { 1.0 };
         let of = |w: DVector<f64>| wrench_size(&Vector6::from_column_slice(w.as_slice()), moved.length);
         let apart = |k: usize| {
             let (apart, whole) = (of(own.column(k) - better.column(k)), of(better.column(k).into_owned()));
             if apart > NOISE * whole { rest * apart } else { 0.0 }
         };
         (0..own.ncols()).map(apart).collect()
-    }
-
-    /// K' without the error that is left when a cut takes away 1 - 2^-1.5 of it.
-    fn limit(&self, k: &Matrix6<f64>, better: &Matrix6<f64>) -> Matrix6<f64> {
-        match self.is_cut {
-            false => *better,
-            true => better - (k - better) / (ORDER.exp2() - 1.0),
-        }
     }
 
     /// The relative error of the force with which control element `e` is pushed along each axis while it is free in all else:
@@ -157,7 +130,7 @@ impl BetterBody {
         let mut of_axes = [0.0; 3];
         for (k, of_axis) in of_axes.iter_mut().enumerate() {
             let difference = (better[(k, k)] / yields[(k, k)] - 1.0).abs();
-            *of_axis = self.error(Some(difference).filter(|x| x.is_finite())?)?;
+            *of_axis = error(solution, Some(difference).filter(|x| x.is_finite())?)?;
         }
         Some(of_axes)
     }
@@ -189,14 +162,73 @@ impl BetterBody {
         let of_shape = (&u - &better).norm() / better.norm();
         Some([of_wrench, of_shape].map(|part| if part.is_finite() { part } else { 0.0 }))
     }
+}
 
-    /// The error of a motion for which K = (1 + d) K', with d the `difference`.
-    fn error(&self, difference: f64) -> Option<f64> {
-        let beyond = difference / (ORDER.exp2() - 1.0);
-        match self.is_cut {
-            false => Some(difference),
-            true => (difference < MOST).then(|| (difference + beyond) / (1.0 - beyond)),
+/// The body with quadratic elements, in its own tetrahedra, or in eight for each where it `cuts` them.
+fn quadratic_solution(
+    scene: &Scene,
+    name: &str,
+    cuts: bool,
+    progress: &dyn Progress,
+) -> Result<Solution, GreenError> {
+    let mut scene = scene.clone();
+    let is_quadratic = scene.body[name].element.order > 1;
+    let Prepared { mut mesh, controls, mut lame, .. } = green::prepare(&scene, name)?;
+    // A group of nodes tells which of the new nodes it holds.
+    let held = |e: usize| format!("held by control element {e}");
+    for (e, control) in controls.iter().enumerate() {
+        mesh.groups.insert(held(e), control.nodes.clone());
+    }
+    let body = &mut scene.body[name];
+    body.element = &TET10;
+    let on_tube;
+    let curve: Curve<'_> = match &scene.body[name].generate {
+        Some(Generate::Tube(tube)) => {
+            on_tube = |a: &_, b: &_| tube.curve(a, b);
+            &on_tube
         }
+        _ => &straight,
+    };
+    let mesh = if cuts {
+        lame = lame.iter().flat_map(|lame| [*lame; 8]).collect();
+        let cut = refine(mesh, 1, curve);
+        cut.map_err(|error| scene.invalid(&format!("body.{name}.refine"), error.to_string()))?
+    } else {
+        mesh
+    };
+    let mesh = if is_quadratic { mesh } else { quadratic(mesh, curve) };
+    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let control = |(e, control): (usize, &ControlElement)| {
+        let nodes = mesh.groups.get(&held(e)).cloned().unwrap_or_default();
+        ControlElement::new(&control.name, nodes, &mesh, (high - low).norm())
+    };
+    let controls = controls.iter().enumerate().map(control).collect();
+    let prepared = Prepared { mesh, controls, lame, findings: Vec::new() };
+    let loads = PoseLoads::of_scene(&scene.body[name]).coefficients;
+    let families = if loads.is_empty() { vec![STIFFNESS] } else { vec![STIFFNESS, LOADS] };
+    let required = Requirements::new(&families);
+    green::solve_prepared(&scene, name, prepared, &required, &Better(progress))
+}
+
+/// Whether a better solution differs from this one in the size of its tetrahedra alone, so that its own error follows from the difference.
+fn is_cut(own: &Solution) -> bool {
+    !own.mesh.mids.is_empty()
+}
+
+/// K' without the error that is left when a cut takes away 1 - 2^-1.5 of it.
+fn limit(own: &Solution, k: &Matrix6<f64>, better: &Matrix6<f64>) -> Matrix6<f64> {
+    match is_cut(own) {
+        false => *better,
+        true => better - (k - better) / (ORDER.exp2() - 1.0),
+    }
+}
+
+/// The error of a motion for which K = (1 + d) K', with d the `difference`.
+fn error(own: &Solution, difference: f64) -> Option<f64> {
+    let beyond = difference / (ORDER.exp2() - 1.0);
+    match is_cut(own) {
+        false => Some(difference),
+        true => (difference < MOST).then(|| (difference + beyond) / (1.0 - beyond)),
     }
 }
 

@@ -11,7 +11,7 @@ mod tests;
 
 use super::entry::{EffectEntry, EffectInput, Resolved};
 use crate::base::failure::Failure;
-use crate::deform::{ErrorsAt, ExpectedErrors, Hung, MeshErrors, MovedErrors, WholeErrors};
+use crate::deform::{ErrorsAt, ExpectedErrors, FinerErrors, Hung, MeshErrors, MovedErrors};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
@@ -151,10 +151,11 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
     }
     let mesh = mesh_errors(scene, body, moved, progress, &mut errors.left_out);
     let model = model_errors(scene, body, moved, progress, &mut errors);
-    let of_one = |((e, model), (mesh, better)): ((&usize, MovedErrors), (_, Option<[f64; 3]>))| MovedErrors {
+    let of_one = |((e, model), mesh): ((&usize, MovedErrors), OfMesh)| MovedErrors {
         control: body.solution.controls[*e].name.clone(),
-        hung: model.hung.map(|hung| Hung { mesh: better.map(|of_axes| of_axes[hung.along]), ..hung }),
-        mesh,
+        hung: model.hung.map(|hung| Hung { mesh: mesh.pushed.map(|of_axes| of_axes[hung.along]), ..hung }),
+        mesh: mesh.small,
+        finer: model.finer.map(|finer| FinerErrors { rest: mesh.quadratic, ..finer }),
         ..model
     };
     errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
@@ -165,38 +166,48 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
     errors
 }
 
-/// The mesh errors of each moved control element, and those of its force where it is pushed along each axis, free in all else.
+/// The mesh errors of a moved control element in small motions.
+#[derive(Default)]
+struct OfMesh {
+    small: Option<MeshErrors>,
+    /// Those of quadratic elements on the same mesh.
+    quadratic: Option<MeshErrors>,
+    /// Those of its force where it is pushed along each axis, free in all else.
+    pushed: Option<[f64; 3]>,
+}
+
 fn mesh_errors(
     scene: &Scene,
     body: &Precomputed,
     moved: &[usize],
     progress: &dyn Progress,
     left_out: &mut Vec<String>,
-) -> Vec<(Option<MeshErrors>, Option<[f64; 3]>)> {
-    let better = BetterBody::new(scene, &body.name, progress);
-    let of_one = |better: &BetterBody, e: usize, left_out: &mut Vec<String>| {
-        let found = better.share(&body.solution, e);
-        if found.is_none() {
+) -> Vec<OfMesh> {
+    let better = match BetterBody::new(scene, &body.name, progress) {
+        Ok(better) => better,
+        Err(error) => {
+            left_out.push(format!("what the mesh adds: {error}"));
+            return moved.iter().map(|_| OfMesh::default()).collect();
+        }
+    };
+    let digits = |MeshErrors { wrench, shape, stiffness, loads }: MeshErrors| MeshErrors {
+        wrench: rounded(wrench),
+        shape: rounded(shape),
+        stiffness: stiffness.map(|stiffness| stiffness.rounded()),
+        loads: loads.into_iter().map(three_digits_of).collect(),
+    };
+    let mut of_one = |e: usize| {
+        let small = better.share(&body.solution, e).map(digits);
+        if small.is_none() {
             let control = &body.solution.controls[e].name;
             left_out.push(format!(
                 "{control}: what the mesh adds: the mesh is too coarse to measure it, or nothing resists"
             ));
         }
-        let found = found.map(|MeshErrors { wrench, shape, stiffness, loads }| MeshErrors {
-            wrench: rounded(wrench),
-            shape: rounded(shape),
-            stiffness: stiffness.map(|stiffness| stiffness.rounded()),
-            loads: loads.into_iter().map(three_digits_of).collect(),
-        });
-        (found, better.pushed(&body.solution, e).map(|of_axes| of_axes.map(rounded)))
+        let pushed = better.pushed(&body.solution, e).map(|of_axes| of_axes.map(rounded));
+        OfMesh { small, quadratic: better.of_quadratic(e).map(digits), pushed }
     };
-    match better {
-        Ok(better) => moved.iter().map(|&e| of_one(&better, e, left_out)).collect(),
-        Err(error) => {
-            left_out.push(format!("what the mesh adds: {error}"));
-            vec![(None, None); moved.len()]
-        }
-    }
+    moved.iter().map(|&e| of_one(e)).collect()
 }
 
 /// The model errors of each moved control element, bent and shifted; into `errors` go those of the loads where all elements rest.
@@ -236,20 +247,15 @@ fn model_errors(
             told(why);
             MovedErrors::default()
         });
-        let digits = |all: Vec<ErrorsAt>| all.iter().map(three_digits).collect();
         all.push(MovedErrors {
-            bent: digits(found.bent),
-            shifted: digits(found.shifted),
-            pulled: digits(found.pulled),
-            mesh_bent: digits(found.mesh_bent),
-            mesh_shifted: digits(found.mesh_shifted),
-            whole: found.whole.map(|WholeErrors { twist, bent, shifted, pulled }| WholeErrors {
-                twist: no_less(twist),
-                bent: digits(bent),
-                shifted: digits(shifted),
-                pulled: digits(pulled),
+            across: found.across.map(three_digits_of),
+            model: found.model.map(three_digits),
+            finer: found.finer.map(|FinerErrors { mesh, whole, .. }| FinerErrors {
+                rest: None,
+                mesh: mesh.map(three_digits),
+                whole: whole.map(three_digits),
             }),
-            hung: found.hung.map(|hung| Hung { at: digits(hung.at), ..hung }),
+            hung: found.hung.map(|hung| Hung { at: hung.at.iter().map(three_digits).collect(), ..hung }),
             ..MovedErrors::default()
         });
     }

@@ -9,8 +9,9 @@ use super::mesh::softest_turn;
 use crate::base::failure::Failure;
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{
-    ControlPose, ControlPoses, Deformer, Deviation, ErrorsAt, Freedom, Hung, Motion, Moved, MovedErrors,
-    PoseResult, Search, Statics, StaticsError, Trial, Truth, WholeErrors, in_session, reach, trials,
+    ControlPose, ControlPoses, Deformer, Deviation, Direction, DirectionErrors, ErrorsAt, FinerErrors,
+    Freedom, Hung, Motion, MotionErrors, Moved, MovedErrors, PoseResult, Search, Statics, StaticsError,
+    Trial, Truth, TurnErrors, in_session, reach, trials,
 };
 use crate::effect::entry::Resolved;
 use crate::green::{Precomputed, Solution};
@@ -18,7 +19,7 @@ use crate::mesh::EDGES;
 use crate::solve::{Progress, Silent};
 use nalgebra::Vector3;
 
-/// The motions of a control element at one level: bend, twist and both at once, °, and shifts that stretch the body.
+/// The turns of a control element at one level, °, and its shifts, which stretch the body.
 struct Level {
     angle: f64,
     shifts: &'static [Motion],
@@ -49,34 +50,52 @@ const LEVELS: [Level; 5] = [
 
 /// Parts of the length by which it is pulled away, which are shifts of the levels too.
 pub const PULLS: [f64; 3] = [0.01, 0.05, 0.1];
+/// Parts of the length by which it is pressed.
+pub const PRESSES: [f64; 2] = [0.01, 0.05];
+
+const BEND: Direction = [0, 1, 0];
+/// A bend in the stiffer plane, of which a thin body has no equilibrium: it counts where it has one.
+const ASIDE: Direction = [0, 0, 1];
+const TWIST: Direction = [1, 0, 0];
+const BOTH: Direction = [1, 1, 1];
+/// Turns of every body.
+const MAIN: [Direction; 4] = [BEND, TWIST, BOTH, ASIDE];
+
+/// The mesh's part of a wrench beyond which directions differ so that all of them are measured: of thin walls, which buckle under some.
+const DIFFER: f64 = 0.2;
 
 impl Level {
-    fn bends(&self) -> Vec<Motion> {
-        vec![Motion::Bend(self.angle), Motion::Twist(self.angle), Motion::Skew(self.angle)]
-    }
-
-    /// The bend in the stiffer plane, of which a thin body has no equilibrium: it counts where it has one.
-    fn aside(&self) -> Vec<Motion> {
-        vec![Motion::BendAside(self.angle)]
-    }
-
-    /// The bends without the twist, by which a thin wall buckles.
-    fn necessary(&self) -> Vec<Motion> {
-        vec![Motion::Bend(self.angle), Motion::Skew(self.angle)]
-    }
-
-    fn shifts(&self) -> Vec<Motion> {
-        self.shifts.to_vec()
+    fn turn(&self, about: Direction) -> Motion {
+        match about {
+            BEND => Motion::Bend(self.angle),
+            TWIST => Motion::Twist(self.angle),
+            _ => Motion::Turn(about, self.angle),
+        }
     }
 
     fn has(&self, motion: Motion) -> bool {
-        [self.bends(), self.aside(), self.shifts()].into_iter().flatten().any(|own| own == motion)
+        MAIN.into_iter().any(|about| self.turn(about) == motion) || self.shifts.contains(&motion)
     }
 }
 
-/// Motions of one control element.
+/// Turns about a direction, one for each level.
+fn turns(levels: &[Level], about: Direction) -> Vec<Vec<Motion>> {
+    levels.iter().map(|level| vec![level.turn(about)]).collect()
+}
+
+fn presses() -> Vec<Vec<Motion>> {
+    PRESSES.iter().map(|part| vec![Motion::Shift([-part, 0.0])]).collect()
+}
+
+/// All directions of a cube's faces, edges and corners but for [`MAIN`].
+fn other_directions() -> impl Iterator<Item = Direction> {
+    let all = (0..27).map(|i: i8| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]);
+    all.filter(|about| *about != [0; 3] && !MAIN.contains(about))
+}
+
+/// Motions of one control element of which all directions are alike.
 pub fn motions() -> usize {
-    LEVELS.iter().map(|level| level.bends().len() + level.aside().len() + level.shifts.len()).sum()
+    LEVELS.iter().map(|level| MAIN.len() + level.shifts.len()).sum::<usize>() + PRESSES.len()
 }
 
 /// Nodes of a finer mesh over those of the body's own, at most; and the largest number of unknowns for which equilibria are solved
@@ -146,8 +165,8 @@ impl Measured {
         Ok(held.first().map(|trial| self.at(trial)))
     }
 
-    /// Measures `bent`, `shifted`, `pulled` and `hung` of control element `e` of the body that was solved as `solution`; `left_out` is called with what could not be measured. `progress` is advanced by
-    /// 1000 for each of [`motions`].
+    /// Measures control element `e` of the body that was solved as `solution`; `left_out` is called with what could not be measured.
+    /// `progress` is advanced by 1000 for each of [`motions`].
     pub fn errors(
         &mut self,
         solution: &Solution,
@@ -155,51 +174,45 @@ impl Measured {
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
     ) -> Result<MovedErrors, Failure> {
-        let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
-        let Some(mut moved) = Moved::new(&origins, e) else {
+        let Some(moved) = self.moved(solution, e) else {
             left_out("no axis leads from the other control elements to it".into());
             return Ok(MovedErrors::default());
         };
-        if let Some(across) = softest_turn(solution, e, &moved.axis) {
-            moved = moved.about(across);
-        }
-        let mut found = Vec::new();
-        let mut against = AgainstFiner::default();
         if let Err(why) = &self.finer {
             left_out(format!("what the mesh adds in large motions: {why}"));
         }
-        let [bends, twists, both] =
-            [0, 1, 2].map(|kind| LEVELS.iter().map(|level| vec![level.bends()[kind]]).collect());
-        let [aside, shifts] =
-            [Level::aside, Level::shifts].map(|motions| LEVELS.iter().map(motions).collect::<Vec<_>>());
-        for kind in [bends, twists, both, aside, shifts] {
-            self.go(&moved, &kind, progress, left_out, (&mut found, &mut against))?;
+        let mut found = Found::default();
+        let shifts = LEVELS.iter().map(|level| level.shifts.to_vec()).collect();
+        for kind in MAIN.map(|about| turns(&LEVELS, about)).into_iter().chain([shifts, presses()]) {
+            self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
-        let bent = bent_by_level(&found, &LEVELS, Level::bends);
-        let shifted = by_level(&found, &LEVELS, Level::shifts);
-        let both = |found: &[(Motion, ErrorsAt)]| {
-            let bent = bent_by_level(found, &LEVELS[1..], Level::necessary);
-            [bent, by_level(found, &LEVELS[1..], Level::shifts)]
-        };
-        let [mesh_bent, mesh_shifted] = both(&against.mesh);
-        let [whole_bent, whole_shifted] = both(&against.whole);
-        let whole = self.finer.is_ok().then(|| WholeErrors {
-            twist: largest_twist(&against.whole).to_radians(),
-            bent: whole_bent,
-            shifted: whole_shifted,
-            pulled: pulled(&against.whole, &PULLS[1..]),
+        let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
+        if differ {
+            let all: Vec<Direction> = other_directions().collect();
+            progress.begin("errors in all directions", 1000 * (all.len() * LEVELS[1..].len()) as u64);
+            for about in all {
+                self.go(&moved, &turns(&LEVELS[1..], about), progress, left_out, &mut found)?;
+            }
+            progress.end();
+        }
+        let of = |found: &[(Motion, ErrorsAt)], levels, pulls| motion_errors(found, levels, pulls, differ);
+        let finer = self.finer.is_ok().then(|| FinerErrors {
+            mesh: of(&found.mesh, &LEVELS[1..], &PULLS[1..]),
+            rest: None,
+            whole: of(&found.whole, &LEVELS[1..], &PULLS[1..]),
         });
-        let pulled = pulled(&found, &PULLS);
-        let hung = Some(hung(&mut self.statics, &mut self.deformer, &self.nodes, &moved, left_out));
-        Ok(MovedErrors {
-            bent,
-            shifted,
-            pulled,
-            hung,
-            mesh_bent,
-            mesh_shifted,
-            whole,
-            ..MovedErrors::default()
+        let hung = Some(self.hung(&moved, left_out));
+        let model = of(&found.model, &LEVELS, &PULLS);
+        Ok(MovedErrors { across: moved.across.into(), model, hung, finer, ..MovedErrors::default() })
+    }
+
+    /// Control element `e`, bent in the plane in which that is easiest; `None` where no axis leads to it.
+    pub(super) fn moved(&self, solution: &Solution, e: usize) -> Option<Moved> {
+        let origins: Vec<_> = self.statics.controls.iter().map(|control| control.origin).collect();
+        let moved = Moved::new(&origins, e)?;
+        Some(match softest_turn(solution, e, &moved.axis) {
+            Some(across) => moved.about(across),
+            None => moved,
         })
     }
 
@@ -210,27 +223,27 @@ impl Measured {
         levels: &[Vec<Motion>],
         progress: &dyn Progress,
         left_out: &mut dyn FnMut(String),
-        (found, against): (&mut Vec<(Motion, ErrorsAt)>, &mut AgainstFiner),
+        found: &mut Found,
     ) -> Result<(), Failure> {
         for motions in levels {
-            let before = found.len();
+            let before = found.model.len();
             let mut told = |motion: Motion, why: String| left_out(format!("{}: {why}", motion.name()));
             let held =
                 trials(&mut self.statics, moved, motions, progress, &mut told).map_err(Failure::work)?;
             for trial in &held {
                 let at = self.at(trial);
-                found.push((trial.motion, at));
+                found.model.push((trial.motion, at));
                 let is_small = LEVELS[0].has(trial.motion);
                 if is_small {
                     // There the linear theory has the part of the mesh.
                     continue;
                 }
                 if let Some([mesh, whole]) = self.against_finer(trial, at, left_out).map_err(Failure::work)? {
-                    against.mesh.push((trial.motion, mesh));
-                    against.whole.push((trial.motion, whole));
+                    found.mesh.push((trial.motion, mesh));
+                    found.whole.push((trial.motion, whole));
                 }
             }
-            if found.len() < before + motions.len() {
+            if found.model.len() < before + motions.len() {
                 break;
             }
         }
@@ -286,47 +299,48 @@ impl Measured {
     }
 }
 
-/// The largest errors and reach up to each level, as long as all motions up to it were found; a level without motions of this kind
-/// ends the list too.
-fn by_level(
-    found: &[(Motion, ErrorsAt)],
-    levels: &[Level],
-    motions: fn(&Level) -> Vec<Motion>,
-) -> Vec<ErrorsAt> {
-    growing(found, levels.iter().map(|level| (level.angle, motions(level))))
-}
-
-/// [`by_level`] of bends that are `necessary`, with the others of each level that were found.
-fn bent_by_level(
-    found: &[(Motion, ErrorsAt)],
-    levels: &[Level],
-    necessary: fn(&Level) -> Vec<Motion>,
-) -> Vec<ErrorsAt> {
-    let is_found = |motion: &Motion| found.iter().any(|(own, _)| own == motion);
-    let motions = |level: &Level| {
-        let mut motions = necessary(level);
-        motions.extend(level.bends().into_iter().chain(level.aside()).filter(is_found));
-        (level.angle, motions)
-    };
-    growing(found, levels.iter().map(motions))
-}
-
-/// The largest twist that was found with all smaller ones, °; 0 without any.
-fn largest_twist(found: &[(Motion, ErrorsAt)]) -> f64 {
-    let is_found = |level: &&Level| found.iter().any(|(own, _)| *own == Motion::Twist(level.angle));
-    LEVELS[1..].iter().take_while(is_found).last().map_or(0.0, |level| level.angle)
-}
-
-/// The largest errors and reach up to each pull, as long as all smaller ones were found.
-fn pulled(found: &[(Motion, ErrorsAt)], pulls: &[f64]) -> Vec<ErrorsAt> {
-    growing(found, pulls.iter().map(|along| (0.0, vec![Motion::Shift([*along, 0.0])])))
-}
-
-/// Errors in motions against equilibrium on a finer mesh: of the equilibrium on the own mesh, and of what the model shows.
+/// Errors in motions: of the model against equilibrium on the own mesh, of that against equilibrium on a finer mesh, and of what the model
+/// shows against the latter.
 #[derive(Default)]
-struct AgainstFiner {
+struct Found {
+    model: Vec<(Motion, ErrorsAt)>,
     mesh: Vec<(Motion, ErrorsAt)>,
     whole: Vec<(Motion, ErrorsAt)>,
+}
+
+/// The errors of each kind of motion; `by_direction`: with those of single directions.
+fn motion_errors(
+    found: &[(Motion, ErrorsAt)],
+    levels: &[Level],
+    pulls: &[f64],
+    by_direction: bool,
+) -> MotionErrors {
+    let is_found = |motion: &Motion| found.iter().any(|(own, _)| own == motion);
+    let of_levels = |motions: &dyn Fn(&Level) -> Vec<Motion>| {
+        growing(found, levels.iter().map(|level| (level.angle, motions(level))))
+    };
+    let alone = |about: Direction| of_levels(&|level| vec![level.turn(about)]);
+    let bent = of_levels(&|level| {
+        let aside = Some(level.turn(ASIDE)).filter(is_found);
+        [level.turn(BEND)].into_iter().chain(aside).collect()
+    });
+    let along = |parts: &[f64], sign: f64| {
+        growing(found, parts.iter().map(|part| (0.0, vec![Motion::Shift([sign * part, 0.0])])))
+    };
+    let mut turned = TurnErrors { bent, twisted: alone(TWIST), both: alone(BOTH), about: Vec::new() };
+    let of_direction = |direction: Direction| {
+        // Small motions are alike in all directions.
+        let small = levels.iter().position(|level| level.angle >= LEVELS[1].angle).unwrap_or(0);
+        let own =
+            growing(found, levels[small..].iter().map(|level| (level.angle, vec![level.turn(direction)])));
+        let at = turned.of(direction).iter().take(small).copied().chain(own).collect();
+        DirectionErrors { direction, at }
+    };
+    if by_direction {
+        turned.about = MAIN.into_iter().chain(other_directions()).map(of_direction).collect();
+    }
+    let shifted = of_levels(&|level| level.shifts.to_vec());
+    MotionErrors { turned, shifted, pulled: along(pulls, 1.0), pressed: along(&PRESSES, -1.0) }
 }
 
 /// Displacements on the finer mesh, which has the same tetrahedra with nodes between their corners; `None` where it has others.
@@ -365,49 +379,47 @@ const ANGLES: [f64; 3] = [5.0, 15.0, 30.0];
 /// Tolerance of the searches, which is enough for errors of forces to a tenth of a per cent.
 const ENOUGH: f64 = 1e-4;
 
-/// Measures control element `moved` where it is pushed aside and free in all else; `left_out` is called with the angle from which on
-/// the model or the body has no equilibrium. A held end that is moved stretches
-/// a slender body, which resists that some (L/t)² times more than bending, so that errors of held poses say nothing of an end
-/// that is pushed: with E I = E b t³/12, its force is 3 E I w/L³ (Gere and Timoshenko, Mechanics of Materials, appendix G), and both
-/// the model and the body find for themselves where its end goes. The end is pushed along that axis of the body which is nearest to
-/// the plane in which it bends most easily; compared are the forces of both in their own poses.
-fn hung(
-    statics: &mut Statics,
-    deformer: &mut Deformer,
-    nodes: &[usize],
-    moved: &Moved,
-    left_out: &mut dyn FnMut(String),
-) -> Hung {
-    let along = moved.across.cross(&moved.axis).iamax();
-    let last = ANGLES[ANGLES.len() - 1];
-    let mut freedom = vec![Freedom::default(); moved.elements];
-    freedom[moved.element].free = std::array::from_fn(|k| k != along);
-    let way = |share: f64| {
-        let mut poses = vec![ControlPose::REST; moved.elements];
-        poses[moved.element].translation[along] = share * moved.length * last.to_radians() * 2.0 / 3.0;
-        poses
-    };
-    let mut of_model = Search::new(&freedom, moved.length, deformer.entry.is_linear(), &way);
-    let mut of_body = Search::new(&freedom, moved.length, false, &way);
-    (of_model.tolerance, of_body.tolerance) = (ENOUGH, ENOUGH);
-    let mut hung = Hung { along, at: Vec::new(), mesh: None };
-    deformer.forget();
-    for angle in ANGLES {
-        let both = of_deformer(&mut of_model, angle / last, deformer)
-            .and_then(|model| Ok((model, of_statics(&mut of_body, angle / last, statics, nodes)?)));
-        match both {
-            Ok((model, body)) => {
-                let at = ErrorsAt::new(angle, reach(deformer), &Deviation::new(&model, &body, moved.length));
-                let at = hung.at.last().map_or(at, |last| last.and(&at));
-                hung.at.push(at);
-            }
-            Err(why) => {
-                left_out(format!("pushed aside until it turns by {angle}°: {why}"));
-                break;
+impl Measured {
+    /// Measures control element `moved` where it is pushed aside and free in all else; `left_out` is called with the angle from which on
+    /// the model or the body has no equilibrium. A held end that is moved stretches
+    /// a slender body, which resists that some (L/t)² times more than bending, so that errors of held poses say nothing of an end
+    /// that is pushed: with E I = E b t³/12, its force is 3 E I w/L³ (Gere and Timoshenko, Mechanics of Materials, appendix G), and both
+    /// the model and the body find for themselves where its end goes. The end is pushed along that axis of the body which is nearest to
+    /// the plane in which it bends most easily; compared are the forces of both in their own poses.
+    pub(super) fn hung(&mut self, moved: &Moved, left_out: &mut dyn FnMut(String)) -> Hung {
+        let Measured { statics, deformer, nodes, .. } = self;
+        let along = moved.across.cross(&moved.axis).iamax();
+        let last = ANGLES[ANGLES.len() - 1];
+        let mut freedom = vec![Freedom::default(); moved.elements];
+        freedom[moved.element].free = std::array::from_fn(|k| k != along);
+        let way = |share: f64| {
+            let mut poses = vec![ControlPose::REST; moved.elements];
+            poses[moved.element].translation[along] = share * moved.length * last.to_radians() * 2.0 / 3.0;
+            poses
+        };
+        let mut of_model = Search::new(&freedom, moved.length, deformer.entry.is_linear(), &way);
+        let mut of_body = Search::new(&freedom, moved.length, false, &way);
+        (of_model.tolerance, of_body.tolerance) = (ENOUGH, ENOUGH);
+        let mut hung = Hung { along, at: Vec::new(), mesh: None };
+        deformer.forget();
+        for angle in ANGLES {
+            let both = of_deformer(&mut of_model, angle / last, deformer)
+                .and_then(|model| Ok((model, of_statics(&mut of_body, angle / last, statics, nodes)?)));
+            match both {
+                Ok((model, body)) => {
+                    let at =
+                        ErrorsAt::new(angle, reach(deformer), &Deviation::new(&model, &body, moved.length));
+                    let at = hung.at.last().map_or(at, |last| last.and(&at));
+                    hung.at.push(at);
+                }
+                Err(why) => {
+                    left_out(format!("pushed aside until it turns by {angle}°: {why}"));
+                    break;
+                }
             }
         }
+        hung
     }
-    hung
 }
 
 fn of_deformer(search: &mut Search<'_>, share: f64, deformer: &mut Deformer) -> Result<PoseResult, String> {
@@ -459,34 +471,51 @@ mod tests {
         let mut found = vec![
             (Motion::Bend(1.0), at(1.0, 0.001, 0.01)),
             (Motion::Twist(1.0), at(1.0, 0.001, 0.02)),
-            (Motion::Skew(1.0), at(1.0, 0.001, 0.01)),
+            (Motion::Turn(BOTH, 1.0), at(1.0, 0.001, 0.01)),
             (Motion::Bend(10.0), at(10.0, 0.01, 0.1)),
             (Motion::Twist(10.0), at(10.0, 0.02, 0.2)),
             (Motion::Bend(30.0), at(30.0, 0.03, 0.15)),
             (Motion::Twist(30.0), at(30.0, 0.04, 0.12)),
             (Motion::Bend(60.0), at(60.0, 0.05, 0.5)),
             (Motion::Twist(90.0), at(90.0, 0.06, 0.9)),
-            (Motion::Skew(10.0), at(10.0, 0.02, 0.05)),
-            (Motion::Skew(30.0), at(30.0, 0.02, 0.05)),
+            (Motion::Turn(BOTH, 10.0), at(10.0, 0.02, 0.05)),
+            (Motion::Turn(BOTH, 30.0), at(30.0, 0.02, 0.05)),
         ];
-        let told = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, f64, Option<f64>)> {
-            bent_by_level(found, &LEVELS, Level::bends)
-                .iter()
-                .map(|at| (at.angle, at.stretch, at.force))
-                .collect()
+        let of =
+            |found: &[(Motion, ErrorsAt)], by_direction| motion_errors(found, &LEVELS, &PULLS, by_direction);
+        let told = |found: &[ErrorsAt]| -> Vec<(f64, f64, Option<f64>)> {
+            found.iter().map(|at| (at.angle, at.stretch, at.force)).collect()
         };
-        let levels = [(1.0, 0.001, Some(0.02)), (10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))];
-        assert_eq!(told(&found), levels, "no twist by 60°");
-        let shifts: Vec<_> =
-            LEVELS[0].shifts().into_iter().map(|motion| (motion, at(7.0, 0.1, 0.7))).collect();
+        let all = of(&found, false).turned;
+        let bent = [
+            (1.0, 0.001, Some(0.01)),
+            (10.0, 0.01, Some(0.1)),
+            (30.0, 0.03, Some(0.15)),
+            (60.0, 0.05, Some(0.5)),
+        ];
+        assert_eq!(told(&all.bent), bent);
+        let twisted = [(1.0, 0.001, Some(0.02)), (10.0, 0.02, Some(0.2)), (30.0, 0.04, Some(0.2))];
+        assert_eq!(told(&all.twisted), twisted, "no twist by 60°");
+        found.push((Motion::Turn(ASIDE, 30.0), at(30.0, 0.03, 0.3)));
+        assert_eq!(
+            of(&found, false).turned.bent[2].force,
+            Some(0.3),
+            "the stiffer plane counts where it was found"
+        );
+        let about = of(&found, true).turned.about;
+        let own =
+            |direction: Direction| about.iter().find(|of| of.direction == direction).map(|of| told(&of.at));
+        assert_eq!((about.len(), own(BEND)), (26, Some(bent.to_vec())), "each direction has its own");
+        assert_eq!(own([0, -1, 0]), Some(bent[..1].to_vec()), "the small ones of its kind, if no others");
+        let shifts: Vec<_> = LEVELS[0].shifts.iter().map(|motion| (*motion, at(7.0, 0.1, 0.7))).collect();
         found.extend(shifts);
-        assert_eq!(told(&found).len(), 3, "shifts say nothing of bends");
-        let shifted = by_level(&found, &LEVELS, Level::shifts);
-        assert_eq!((shifted.len(), shifted[0].angle, shifted[0].force), (1, 1.0, Some(0.7)));
-        assert_eq!(pulled(&found, &PULLS).len(), 1, "of the pulls the first is among them");
+        let all = of(&found, false);
+        assert_eq!(all.turned.bent.len(), 4, "shifts say nothing of bends");
+        assert_eq!((all.shifted.len(), all.shifted[0].angle, all.shifted[0].force), (1, 1.0, Some(0.7)));
+        assert_eq!((all.pulled.len(), all.pressed.len()), (1, 0), "of the pulls the first is among them");
         found.pop();
-        assert_eq!(pulled(&found, &PULLS), []);
-        assert_eq!(by_level(&found, &LEVELS, Level::shifts), [], "one of a level's motions is missing");
-        assert_eq!(motions(), 33);
+        let all = of(&found, false);
+        assert_eq!((all.pulled, all.shifted), (vec![], vec![]), "one of a level's motions is missing");
+        assert_eq!(motions(), 35);
     }
 }

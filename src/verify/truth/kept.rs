@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 /// A line of the file.
 #[derive(Serialize, Deserialize)]
 struct Line {
-    /// Hash of the program's own file.
+    /// Hash of the program's own file, and which of its statements are judged.
     program: String,
     body: JudgedBody,
 }
@@ -29,8 +29,9 @@ pub struct KeptBodies {
 }
 
 impl KeptBodies {
-    /// Opens or begins the file; the error names a line that is no judged body.
-    pub fn open(path: &Path) -> anyhow::Result<KeptBodies> {
+    /// Opens or begins the file for bodies of which `all` statements are judged, or the ± alone; the error names a line that is no judged
+    /// body.
+    pub fn open(path: &Path, all: bool) -> anyhow::Result<KeptBodies> {
         let of_file = || path.display().to_string();
         let mut file = OpenOptions::new()
             .read(true)
@@ -44,7 +45,7 @@ impl KeptBodies {
         let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
         let program =
             std::env::current_exe().and_then(std::fs::read).context("reading the program's own file")?;
-        let program = blake3::hash(&program).to_hex().to_string();
+        let program = blake3::hash(&program).to_hex().to_string() + if all { "" } else { ", expected" };
         let (mut bodies, mut others) = (Vec::new(), 0);
         for (number, line) in bytes[..whole].split(|byte| *byte == b'\n').enumerate() {
             if line.is_empty() {
@@ -109,22 +110,28 @@ mod tests {
     fn a_run_goes_on_from_what_was_kept() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("truth.jsonl");
-        let first = KeptBodies::open(&path).unwrap();
+        let first = KeptBodies::open(&path, true).unwrap();
         first.keep(&body(3)).unwrap();
         first.keep(&body(5)).unwrap();
         drop(first);
         let text = std::fs::read_to_string(&path).unwrap();
         let other = text.lines().next().unwrap().replacen("\"program\":\"", "\"program\":\"0", 1);
         std::fs::write(&path, format!("{text}{other}\n{}", &text[..40])).unwrap();
-        let second = KeptBodies::open(&path).unwrap();
+        let second = KeptBodies::open(&path, true).unwrap();
         assert!(second.has(3) && second.has(5) && !second.has(4));
         assert_eq!((second.bodies.len(), second.others), (2, 1));
         assert_eq!(format!("{:?}", second.bodies[0]), format!("{:?}", body(3)));
         second.keep(&body(4)).unwrap();
         drop(second);
-        assert!(KeptBodies::open(&path).unwrap().has(4));
+        assert!(KeptBodies::open(&path, true).unwrap().has(4));
+        let alone = KeptBodies::open(&path, false).unwrap();
+        assert_eq!(
+            (alone.bodies.len(), alone.others),
+            (0, 4),
+            "bodies of which the ± alone is judged are others"
+        );
         std::fs::write(&path, format!("{text}no body\n")).unwrap();
-        let error = KeptBodies::open(&path).err().unwrap().to_string();
+        let error = KeptBodies::open(&path, true).err().unwrap().to_string();
         assert!(error.contains("truth.jsonl:3: not a body"), "{error}");
     }
 }

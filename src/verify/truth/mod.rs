@@ -40,12 +40,12 @@ const BODY: &str = "b";
 const DEMANDS: [&str; 3] =
     ["displacement = 0.1, force = 0.3", "displacement = 0.03, force = 0.1", "displacement = 0.01"];
 
-/// Judges the body of one seed.
-pub fn judge(seed: u64, planner: Planner<'_>) -> Result<JudgedBody, Failure> {
+/// Judges the body of one seed; without a planner the ± alone.
+pub fn judge(seed: u64, planner: Option<Planner<'_>>) -> Result<JudgedBody, Failure> {
     judge_body(&RandomBody::new(seed).map_err(|why| Failure::work(anyhow::anyhow!(why)))?, planner)
 }
 
-fn judge_body(body: &RandomBody, planner: Planner<'_>) -> Result<JudgedBody, Failure> {
+fn judge_body(body: &RandomBody, planner: Option<Planner<'_>>) -> Result<JudgedBody, Failure> {
     let started = Instant::now();
     let folder = tempfile::tempdir().map_err(Failure::work)?;
     let file = body.mesh_file().map_err(Failure::work)?;
@@ -70,7 +70,9 @@ fn judge_body(body: &RandomBody, planner: Planner<'_>) -> Result<JudgedBody, Fai
     if truths.iter().any(Option::is_some) {
         let of = Judge { scene: &scene, body, refined: &refined, truths: &truths };
         of.expected(&mut judged)?;
-        of.report_and_planner(folder.path(), planner, &mut judged)?;
+        if let Some(planner) = planner {
+            of.report_and_planner(folder.path(), planner, &mut judged)?;
+        }
     }
     judged.seconds = started.elapsed().as_secs_f64();
     Ok(judged)
@@ -111,10 +113,11 @@ impl Judge<'_> {
             let off = held.iter().zip(&truth.wrenches);
             let most = off.map(|(a, b)| [(a.force - b.force).norm(), (a.moment - b.moment).norm()]);
             let [force, torque] = most.fold([0.0; 2], |a: [f64; 2], b| [a[0].max(b[0]), a[1].max(b[1])]);
-            let parts = |at: Option<[f64; 2]>| {
-                at.map_or(String::new(), |[model, mesh]| format!(" (model {model:.3}, mesh {mesh:.3})"))
-            };
-            let of = format!("{} {}{}", model.name, pose.name, parts(shown.map(|shown| shown.parts)));
+            let part = |part: Option<f64>| part.map_or("unknown".into(), |part| format!("{part:.3}"));
+            let parts =
+                |[model, mesh]: [Option<f64>; 2]| format!(" (model {}, mesh {})", part(model), part(mesh));
+            let parts = shown.map_or(String::new(), |shown| parts(shown.parts));
+            let of = format!("{} {}{parts}", model.name, pose.name);
             for (quantity, shown, truth) in [
                 (Quantity::Force, shown.map(|shown| shown.force), force),
                 (Quantity::Torque, shown.map(|shown| shown.moment), torque),
@@ -253,7 +256,7 @@ impl Run {
     /// failed.
     pub fn judge(
         &self,
-        planner: Planner<'_>,
+        planner: Option<Planner<'_>>,
         each: &(dyn Fn(Standing<'_>) + Sync),
     ) -> Vec<Result<JudgedBody, String>> {
         let started = Instant::now();

@@ -102,7 +102,7 @@ fn a_small_body_is_judged() {
     };
     let planner =
         |scene: &_, body: &str, rows, demand: &_| crate::tuning::answered(scene, body, rows, demand);
-    let judged = judge_body(&body, &planner).unwrap();
+    let judged = judge_body(&body, Some(&planner)).unwrap();
     let of = |source: Source| judged.statements.iter().filter(move |statement| statement.source == source);
     assert!(of(Source::Report).count() > 20, "{:?}", judged.left_out);
     assert_eq!((of(Source::Planner).count(), of(Source::Expected).count()), (2, 2), "{:?}", judged.left_out);

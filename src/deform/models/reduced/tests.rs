@@ -127,15 +127,20 @@ fn slender_and_compact_bodies_have_the_forces_of_their_mesh_at_large_turns() {
     let slender =
         [(Motion::Shift([-0.07, 0.0]), 4.0), (Motion::Mixed(50.0, 0.08), 0.0), (Motion::Twist(80.0), 0.0)];
     let level = |motion| (motion, 0.0);
-    let compact =
-        [Motion::Bend(50.0), Motion::BendAside(40.0), Motion::Twist(80.0), Motion::Skew(50.0)].map(level);
+    let compact = [
+        Motion::Bend(50.0),
+        Motion::Turn([0, 0, 1], 40.0),
+        Motion::Twist(80.0),
+        Motion::Turn([1, 1, 1], 50.0),
+    ]
+    .map(level);
     // Where St. Venant–Kirchhoff's law has no equilibrium.
     let further = [
         Motion::Bend(1.0),
         Motion::Twist(1.0),
         Motion::Bend(88.0),
         Motion::Twist(88.0),
-        Motion::Skew(80.0),
+        Motion::Turn([1, 1, 1], 80.0),
         Motion::Shift([0.09, 0.0]),
     ]
     .map(level);
