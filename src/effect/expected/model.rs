@@ -64,13 +64,17 @@ const MAIN: [Direction; 4] = [BEND, TWIST, BOTH, ASIDE];
 /// The mesh's part of a wrench beyond which directions differ so that all of them are measured: of thin walls, which buckle under some.
 const DIFFER: f64 = 0.2;
 
+fn turn(about: Direction, degrees: f64) -> Motion {
+    match about {
+        BEND => Motion::Bend(degrees),
+        TWIST => Motion::Twist(degrees),
+        _ => Motion::Turn(about, degrees),
+    }
+}
+
 impl Level {
     fn turn(&self, about: Direction) -> Motion {
-        match about {
-            BEND => Motion::Bend(self.angle),
-            TWIST => Motion::Twist(self.angle),
-            _ => Motion::Turn(about, self.angle),
-        }
+        turn(about, self.angle)
     }
 
     fn has(&self, motion: Motion) -> bool {
@@ -81,6 +85,12 @@ impl Level {
 /// Turns about a direction, one for each level.
 fn turns(levels: &[Level], about: Direction) -> Vec<Vec<Motion>> {
     levels.iter().map(|level| vec![level.turn(about)]).collect()
+}
+
+/// Half of the way from the level before to one whose turn has no equilibrium: what is found there is a level of that direction.
+fn half_way(levels: &[Level], angle: f64) -> Option<f64> {
+    let i = levels.iter().position(|level| level.angle == angle)?;
+    Some(0.5 * (levels[i.checked_sub(1)?].angle + angle))
 }
 
 fn presses() -> Vec<Vec<Motion>> {
@@ -183,7 +193,10 @@ impl Measured {
         }
         let mut found = Found::default();
         let shifts = LEVELS.iter().map(|level| level.shifts.to_vec()).collect();
-        for kind in MAIN.map(|about| turns(&LEVELS, about)).into_iter().chain([shifts, presses()]) {
+        for about in MAIN {
+            self.turn(&moved, (&LEVELS, about), progress, left_out, &mut found)?;
+        }
+        for kind in [shifts, presses()] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
         let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
@@ -191,7 +204,7 @@ impl Measured {
             let all: Vec<Direction> = other_directions().collect();
             progress.begin("errors in all directions", 1000 * (all.len() * LEVELS[1..].len()) as u64);
             for about in all {
-                self.go(&moved, &turns(&LEVELS[1..], about), progress, left_out, &mut found)?;
+                self.turn(&moved, (&LEVELS[1..], about), progress, left_out, &mut found)?;
             }
             progress.end();
         }
@@ -214,6 +227,29 @@ impl Measured {
             Some(across) => moved.about(across),
             None => moved,
         })
+    }
+
+    /// Adds what is found at each level of a direction, and half-way to the first one where the body or the finer one has no equilibrium.
+    fn turn(
+        &mut self,
+        moved: &Moved,
+        (levels, about): (&[Level], Direction),
+        progress: &dyn Progress,
+        left_out: &mut dyn FnMut(String),
+        found: &mut Found,
+    ) -> Result<(), Failure> {
+        self.go(moved, &turns(levels, about), progress, left_out, found)?;
+        let is_in =
+            |all: &[(Motion, ErrorsAt)], level: &Level| all.iter().any(|(own, _)| *own == level.turn(about));
+        let is_missing = |level: &&Level| {
+            let finer = self.finer.is_err() || level.angle < LEVELS[1].angle || is_in(&found.whole, level);
+            !is_in(&found.model, level) || !finer
+        };
+        let missing = levels.iter().find(is_missing);
+        match missing.and_then(|level| half_way(levels, level.angle)) {
+            Some(angle) => self.go(moved, &[vec![turn(about, angle)]], &Silent, left_out, found),
+            None => Ok(()),
+        }
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
@@ -315,32 +351,48 @@ fn motion_errors(
     pulls: &[f64],
     by_direction: bool,
 ) -> MotionErrors {
-    let is_found = |motion: &Motion| found.iter().any(|(own, _)| own == motion);
-    let of_levels = |motions: &dyn Fn(&Level) -> Vec<Motion>| {
-        growing(found, levels.iter().map(|level| (level.angle, motions(level))))
-    };
-    let alone = |about: Direction| of_levels(&|level| vec![level.turn(about)]);
-    let bent = of_levels(&|level| {
-        let aside = Some(level.turn(ASIDE)).filter(is_found);
-        [level.turn(BEND)].into_iter().chain(aside).collect()
-    });
     let along = |parts: &[f64], sign: f64| {
         growing(found, parts.iter().map(|part| (0.0, vec![Motion::Shift([sign * part, 0.0])])))
     };
-    let mut turned = TurnErrors { bent, twisted: alone(TWIST), both: alone(BOTH), about: Vec::new() };
-    let of_direction = |direction: Direction| {
+    let mut turned = TurnErrors {
+        bent: of_direction(found, levels, BEND, Some(ASIDE)),
+        twisted: of_direction(found, levels, TWIST, None),
+        both: of_direction(found, levels, BOTH, None),
+        about: Vec::new(),
+    };
+    let with_small = |direction: Direction| {
         // Small motions are alike in all directions.
         let small = levels.iter().position(|level| level.angle >= LEVELS[1].angle).unwrap_or(0);
-        let own =
-            growing(found, levels[small..].iter().map(|level| (level.angle, vec![level.turn(direction)])));
+        let own = of_direction(found, &levels[small..], direction, None);
         let at = turned.of(direction).iter().take(small).copied().chain(own).collect();
         DirectionErrors { direction, at }
     };
     if by_direction {
-        turned.about = MAIN.into_iter().chain(other_directions()).map(of_direction).collect();
+        turned.about = MAIN.into_iter().chain(other_directions()).map(with_small).collect();
     }
-    let shifted = of_levels(&|level| level.shifts.to_vec());
+    let shifted = growing(found, levels.iter().map(|level| (level.angle, level.shifts.to_vec())));
     MotionErrors { turned, shifted, pulled: along(pulls, 1.0), pressed: along(&PRESSES, -1.0) }
+}
+
+/// Errors of turns about one direction, as far as they were found, and half-way to the next level; with those `beside` where they were
+/// found.
+fn of_direction(
+    found: &[(Motion, ErrorsAt)],
+    levels: &[Level],
+    about: Direction,
+    beside: Option<Direction>,
+) -> Vec<ErrorsAt> {
+    let is_found =
+        |about: Direction, angle: f64| found.iter().any(|(motion, _)| *motion == turn(about, angle));
+    let whole = levels.iter().map(|level| level.angle).take_while(|angle| is_found(about, *angle));
+    let mut angles: Vec<f64> = whole.collect();
+    let half = levels.get(angles.len()).and_then(|next| half_way(levels, next.angle));
+    angles.extend(half.filter(|angle| is_found(about, *angle)));
+    let motions = |angle: f64| {
+        let beside = beside.filter(|beside| is_found(*beside, angle));
+        [about].into_iter().chain(beside).map(|about| turn(about, angle)).collect()
+    };
+    growing(found, angles.into_iter().map(|angle| (angle, motions(angle))))
 }
 
 /// Displacements on the finer mesh, which has the same tetrahedra with nodes between their corners; `None` where it has others.
