@@ -282,14 +282,19 @@ impl PointForces {
     /// Places of all points under these forces, in the frame of the columns.
     pub fn ends(&self, points: &[Point], forces: &[V3]) -> Vec<V3> {
         let at_nodes = gathered(points, forces);
-        let nodes = points.iter().flat_map(Point::corners).map(|(node, _)| (node, V3::zeros()));
-        let mut moved: BTreeMap<u32, V3> = nodes.collect();
+        let mut nodes: Vec<u32> = points.iter().flat_map(Point::corners).map(|(node, _)| node).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut moved = vec![V3::zeros(); nodes.len()];
         // Column by column, as they stand in memory.
         for (from, force) in &at_nodes {
             let Some(column) = self.touched.get(from) else { continue };
-            moved.iter_mut().for_each(|(node, sum)| *sum += product(&column[*node as usize], force));
+            for (sum, node) in moved.iter_mut().zip(&nodes) {
+                *sum += product(&column[*node as usize], force);
+            }
         }
-        let of = |a: &Point| a.now + a.corners().map(|(node, w)| moved[&node] * w).sum::<V3>();
+        let by = |node: u32| nodes.binary_search(&node).map_or_else(|_none| V3::zeros(), |at| moved[at]);
+        let of = |a: &Point| a.now + a.corners().map(|(node, w)| by(node) * w).sum::<V3>();
         points.iter().map(of).collect()
     }
 

@@ -90,7 +90,7 @@ fn is_wanted(name: &str) -> bool {
 fn hundreds_of_contacts_are_found() {
     println!("| case | contacts | press, worst | rub, mean | rub, worst |");
     let low = slab("low", -0.03, [0.3, 0.06, 0.3], [30, 9, 30], "ymin");
-    for k in [10, 14, 17, 22] {
+    for k in [10, 14] {
         let (name, side) = (format!("plate{k}"), 0.01 * (f64::from(k) - 0.5));
         let tool = format!(
             "[tool.plate]\nshape = {{ box = {{ size = [{side:?}, 0.02, {side:?}] }} }}\nposition = [0.005, 0.0105, 0.005]\n"
@@ -99,7 +99,7 @@ fn hundreds_of_contacts_are_found() {
             Crowd::of(&(tool + &low)).press_and_rub(&name, 0, -2e-3, 4e-3);
         }
     }
-    for radius in [0.3, 0.8, 2.0] {
+    for radius in [0.4, 0.8, 1.2] {
         let (name, y) = (format!("ball{radius}"), radius + 5e-4);
         let tool = format!(
             "[tool.ball]\nshape = {{ ball = {{ radius = {radius:?} }} }}\nposition = [0.0, {y:?}, 0.0]\n"

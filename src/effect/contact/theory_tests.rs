@@ -183,7 +183,7 @@ fn a_strip_that_is_drawn_round_a_post_slides_at_eulers_ratio() {
     [0.1, 0.2].into_iter().for_each(|friction| slides_at_eulers_ratio(friction, 0.01));
 }
 
-/// Its contacts depend on one another so much that single ones are found by no number of sweeps.
+/// Contacts of a slender strip depend so much on one another that sweeps over single ones do not find their forces.
 #[test]
 fn a_slender_strip_slides_at_eulers_ratio() {
     slides_at_eulers_ratio(0.2, 0.005);

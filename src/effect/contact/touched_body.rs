@@ -8,6 +8,7 @@ use crate::mesh::walls::wall_thickness;
 use crate::world::dissipation::Dissipation;
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
@@ -54,6 +55,7 @@ pub struct TouchedBody {
     /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
     columns: Columns,
+    moved: RefCell<Moved>,
     /// Nodes whose columns the background was asked for last.
     prepared: Vec<u32>,
 }
@@ -67,6 +69,16 @@ struct Columns {
     columns: Vec<Arc<Yield>>,
     /// Blocks of each node with those up to it, one row after the other, m/N.
     blocks: Vec<Matrix3<f32>>,
+}
+
+/// Displacements along the axes of the columns, in the body's metres, by the forces for which they were asked last, of each node of which
+/// they were.
+#[derive(Default)]
+struct Moved {
+    forces: Vec<(u32, V3)>,
+    /// Whether all columns of these nodes were there that there are.
+    is_whole: bool,
+    by: Vec<Option<V3>>,
 }
 
 /// Columns that nothing needs are dropped when they are one of so many.
@@ -194,6 +206,7 @@ impl TouchedBody {
             outward_at_rest: Vec::new(),
             room_from_body,
             columns: Columns::default(),
+            moved: RefCell::default(),
             prepared: Vec::new(),
         })
     }
@@ -342,19 +355,28 @@ impl TouchedBody {
 
     /// Displacements of nodes in the room by forces at nodes along the axes of the columns.
     pub fn moved(&self, forces: &[(u32, V3)], nodes: impl Iterator<Item = u32> + Clone) -> Vec<V3> {
-        let mut sums = vec![V3::zeros(); nodes.clone().count()];
+        let mut last = self.moved.borrow_mut();
+        if !last.is_whole || last.forces != forces {
+            let is_there =
+                |(node, _): &(u32, V3)| self.has_no_column(*node) || self.columns.get(*node).is_some();
+            *last = Moved { forces: forces.to_vec(), is_whole: forces.iter().all(is_there), by: Vec::new() };
+        }
+        last.by.resize(self.takes.len(), None);
+        let unknown: Vec<u32> = nodes.clone().filter(|node| last.by[*node as usize].is_none()).collect();
+        let mut sums = vec![V3::zeros(); unknown.len()];
         for (from, force) in forces {
             let Some(column) = self.columns.get(*from) else { continue };
-            for (sum, node) in sums.iter_mut().zip(nodes.clone()) {
-                for (sum, row) in sum.iter_mut().zip(&column[node as usize]) {
+            for (sum, node) in sums.iter_mut().zip(&unknown) {
+                for (sum, row) in sum.iter_mut().zip(&column[*node as usize]) {
                     *sum += f64::from(row[0]) * force.x
                         + f64::from(row[1]) * force.y
                         + f64::from(row[2]) * force.z;
                 }
             }
         }
+        unknown.into_iter().zip(sums).for_each(|(node, sum)| last.by[node as usize] = Some(sum));
         let (turn, scale) = (self.turn(), self.room_from_body.scaling());
-        sums.into_iter().map(|sum| turn * sum * scale).collect()
+        nodes.map(|node| last.by[node as usize].map_or_else(V3::zeros, |sum| turn * sum * scale)).collect()
     }
 
     /// The corners of the triangles around a node.

@@ -32,13 +32,13 @@ impl<'a> Compliance<'a> {
         Compliance::new((0..w.nrows() / 3).map(|a| block(a, a)).collect(), block)
     }
 
-    /// That of some of the contacts.
+    /// The compliance of some of the contacts.
     pub fn part<'b>(&'b self, some: &'b [usize]) -> Compliance<'b> {
         let diagonal = some.iter().map(|a| self.diagonal[*a]).collect();
         Compliance::new(diagonal, |i, a| block_of(self.columns(some[a]), some[i]))
     }
 
-    /// That with contacts of which each yields by so much more to its own force, m/N.
+    /// The compliance of contacts that yield by so much more to their own forces, m/N.
     pub fn with_skin(&self, skin: f64) -> Compliance<'_> {
         let own = Matrix3::from_diagonal_element(skin);
         let diagonal = self.diagonal.iter().map(|block| block + own).collect();

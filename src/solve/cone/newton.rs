@@ -17,15 +17,15 @@ use nalgebra::{Vector2, Vector3};
 
 type V3 = Vector3<f64>;
 
-/// Of a factor with N unknowns the sweeps over n contacts that take as long are N³/n² over this.
+/// A factor with N unknowns takes as long as N³/n² over this many sweeps over n contacts.
 const OF_FACTOR: f64 = 150.0;
 /// Part of its softness by which a contact yields more, so that forces that depend on one another are determined.
 const SKIN: f64 = 1e-10;
 
-/// How a contact moves.
+/// Motion of a contact that touches.
 #[derive(Clone, Copy)]
 enum State {
-    /// Without friction.
+    /// It slides without friction.
     Free,
     Sticks,
     /// Along this unit vector, with this τ.

@@ -1,6 +1,7 @@
 //! Problems with known conditions, and solutions found otherwise.
 
-use super::{Compliance, Cone};
+use super::compliance::Compliance;
+use super::problem::Cone;
 use crate::base::random::Random;
 use nalgebra::{DMatrix, DVector, Vector2};
 
