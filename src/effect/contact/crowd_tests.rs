@@ -77,7 +77,7 @@ impl Crowd {
         println!("| {name} | {most} | {:.0} | {mean:.0} | {:.0} |", worst(&self.frames[..11]), worst(rub));
         println!("{:.0?}", self.frames);
         assert_eq!(self.warnings, Vec::<String>::new());
-        assert!(most > 90 && self.frames[45].0 == 0, "{most} contacts, {} after lifting", self.frames[45].0);
+        assert!(most > 80 && self.frames[45].0 == 0, "{most} contacts, {} after lifting", self.frames[45].0);
     }
 }
 
@@ -99,7 +99,7 @@ fn hundreds_of_contacts_are_found() {
             Crowd::of(&(tool + &low)).press_and_rub(&name, 0, -2e-3, 4e-3);
         }
     }
-    for radius in [0.4, 0.8, 1.2] {
+    for radius in [0.3, 0.8] {
         let (name, y) = (format!("ball{radius}"), radius + 5e-4);
         let tool = format!(
             "[tool.ball]\nshape = {{ ball = {{ radius = {radius:?} }} }}\nposition = [0.0, {y:?}, 0.0]\n"
