@@ -191,8 +191,6 @@ fn a_slender_strip_slides_at_eulers_ratio() {
 
 #[test]
 #[ignore = "takes some seconds"]
-fn rough_and_very_slender_strips_slide_at_eulers_ratio() {
+fn a_rough_strip_slides_at_eulers_ratio() {
     slides_at_eulers_ratio(0.4, 0.01);
-    slides_at_eulers_ratio(0.2, 0.003);
-    slides_at_eulers_ratio(0.4, 0.003);
 }
