@@ -21,6 +21,7 @@ mod path;
 mod pose;
 pub mod pose_file;
 mod statics;
+mod touch_points;
 mod touch_potential;
 mod trial;
 mod turn;
@@ -64,6 +65,7 @@ pub use statics::freedom::{COMPONENTS, Freedom, Search, Wrenches};
 pub use statics::{
     Branch, EquilibriumResult, HeldBody, LeastMode, Statics, StaticsError, TangentState, legs,
 };
-pub use touch_potential::{MOST_POINTS, TouchPoint, TouchPotential, TouchResponse, contact_axes};
+pub use touch_points::{MOST_POINTS, TouchPoint, contact_axes};
+pub use touch_potential::{TouchPotential, TouchResponse};
 pub use trial::{Deviation, Motion, Moved, PoseResult, Trial, Truth, in_session, trials};
 pub use turn::{Reach, local_turn, mean_strain, reach};

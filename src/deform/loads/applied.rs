@@ -282,16 +282,19 @@ impl PointForces {
     /// Places of all points under these forces, in the frame of the columns.
     pub fn ends(&self, points: &[Point], forces: &[V3]) -> Vec<V3> {
         let at_nodes = gathered(points, forces);
-        let pulling: Vec<(&Arc<Yield>, V3)> =
-            at_nodes.iter().filter_map(|(node, force)| Some((self.touched.get(node)?, *force))).collect();
-        let mut moved: BTreeMap<u32, V3> = BTreeMap::new();
-        for node in points.iter().flat_map(Point::corners).map(|(node, _)| node) {
-            moved.entry(node).or_insert_with(|| {
-                let by = |(column, force): &(&Arc<Yield>, V3)| product(&column[node as usize], force);
-                pulling.iter().map(by).sum()
-            });
+        let mut nodes: Vec<u32> = points.iter().flat_map(Point::corners).map(|(node, _)| node).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut moved = vec![V3::zeros(); nodes.len()];
+        // Column by column, as they stand in memory.
+        for (from, force) in &at_nodes {
+            let Some(column) = self.touched.get(from) else { continue };
+            for (sum, node) in moved.iter_mut().zip(&nodes) {
+                *sum += product(&column[*node as usize], force);
+            }
         }
-        let of = |a: &Point| a.now + a.corners().map(|(node, w)| moved[&node] * w).sum::<V3>();
+        let by = |node: u32| nodes.binary_search(&node).map_or_else(|_none| V3::zeros(), |at| moved[at]);
+        let of = |a: &Point| a.now + a.corners().map(|(node, w)| by(node) * w).sum::<V3>();
         points.iter().map(of).collect()
     }
 

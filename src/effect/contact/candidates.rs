@@ -1,5 +1,6 @@
 //! Nodes of a body that may touch something in a frame, and their places.
 
+use super::touch::{Contact, at_nodes};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
@@ -61,9 +62,16 @@ impl Places {
         Places { nodes: nodes.clone(), at }
     }
 
-    /// Places of the same nodes after each has moved.
-    pub fn moved(&self, by: impl Fn(u32) -> V3) -> Places {
-        let at = self.iter().map(|(node, x)| x + by(node)).collect();
+    /// Places of some nodes of a body with the forces of all contacts, in the state that was taken last.
+    pub fn pressed(bodies: &[TouchedBody], all: &[Contact], body: usize, nodes: Vec<u32>) -> Places {
+        let nodes = Nodes::new(nodes, bodies[body].takes.len());
+        Places::free(&bodies[body], &nodes).moved(&bodies[body], &at_nodes(bodies, all, body))
+    }
+
+    /// Places of the same nodes after forces at nodes, along the axes of the columns, have moved them.
+    pub fn moved(&self, body: &TouchedBody, forces: &[(u32, V3)]) -> Places {
+        let moved = body.moved(forces, self.nodes.iter());
+        let at = self.at.iter().zip(moved).map(|(x, by)| x + by).collect();
         Places { nodes: self.nodes.clone(), at }
     }
 
@@ -82,10 +90,6 @@ impl Places {
 
     pub fn get(&self, node: u32) -> Option<V3> {
         Some(self.at[self.nodes.slot(node)?])
-    }
-
-    pub fn iter(&self) -> impl Iterator<Item = (u32, V3)> + use<'_> {
-        self.nodes.iter().zip(self.at.iter().copied())
     }
 
     /// Place of a spot, all nodes of which are in the set.

@@ -6,16 +6,14 @@
 use super::backing::Backed;
 use super::candidates::{Nodes, Places};
 use super::detection::{distance, find};
-use super::touch::{Against, Contact, at_nodes, fetch};
+use super::touch::{Against, Contact, fetch, nodes_of};
 use super::touched_body::{SurfaceSpot, TouchedBody};
 use crate::deform::{TouchPoint, TouchPotential, contact_axes};
 use crate::stage::Stage;
 use crate::world::World;
 use crate::world::tool::Tool;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use std::sync::Arc;
-
-type V3 = Vector3<f64>;
 
 /// Frames over which a tool is followed ahead, and the part of its thickness that it may move at least.
 const AHEAD: f64 = 2.0;
@@ -103,15 +101,14 @@ impl Felt {
         let strongest = contacts.iter().max_by(|a, b| strength(a).total_cmp(&strength(b)));
         let first = bodies.iter().position(|body| body.is_felt && body.tools[t]);
         let Some(body) = strongest.map(|contact| contact.body).or(first) else { return Ok(None) };
-        let moved: Vec<_> =
-            bodies.iter().enumerate().map(|(b, body)| body.moved(&at_nodes(bodies, all, b))).collect();
+        let places: Vec<_> = (0..bodies.len())
+            .map(|b| Places::pressed(bodies, all, b, nodes_of(&contacts, b).collect()))
+            .collect();
         let points: Vec<TouchPoint> = contacts
             .iter()
             .map(|contact| {
                 let body = &bodies[contact.body];
-                let corners = contact.spot.corners();
-                let moved = &moved[contact.body];
-                let x: V3 = corners.map(|(node, w)| (body.free_place(node) + moved(node)) * w).sum();
+                let x = places[contact.body].of(&contact.spot);
                 let (gap, normal) = distance(&tools[t].shape, &surface, &x);
                 TouchPoint {
                     arm: x - surface.translation.vector,

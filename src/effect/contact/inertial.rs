@@ -69,9 +69,8 @@ pub fn keep(inertias: &mut Inertias<'_>) {
 
 /// The part of W that follows from the inertia of the bodies: Σ_k w_k r_ik r_jkᵀ ([`Inertia`]).
 pub struct Living {
-    /// r of each contact along its basis, 3n × coordinates, and these times their weights, of each body with inertia.
+    /// r of each contact along its basis, coordinates × 3n, and these times their weights, of each body with inertia.
     bodies: Vec<[DMatrix<f64>; 2]>,
-    contacts: usize,
 }
 
 impl Living {
@@ -84,38 +83,31 @@ impl Living {
         let mut all = Vec::new();
         for (number, (body, turn)) in bodies.iter().zip(turns).enumerate() {
             let Some(inertial) = &body.inertial else { continue };
-            let mut rows = DMatrix::zeros(3 * contacts.len(), inertial.weights.len());
+            let mut rows = DMatrix::zeros(inertial.weights.len(), 3 * contacts.len());
             for (i, (contact, basis)) in contacts.iter().zip(bases).enumerate() {
                 for (_, spot, sign) in contact.sides().filter(|(side, ..)| *side == number) {
                     let along = basis.tr_mul(turn) * sign;
-                    for (mut column, row) in rows.column_iter_mut().zip(inertial.rows_of(spot.corners())) {
-                        let mut own = column.fixed_rows_mut::<3>(3 * i);
-                        own += along * row;
+                    for (k, row) in inertial.rows_of(spot.corners()).into_iter().enumerate() {
+                        let mut own = rows.fixed_view_mut::<1, 3>(k, 3 * i);
+                        own += (along * row).transpose();
                     }
                 }
             }
             let scale = body.room_from_body.scaling();
             let mut weighted = rows.clone();
-            let columns = weighted.column_iter_mut().zip(&inertial.weights);
-            columns.for_each(|(mut column, w)| column *= *w * scale);
+            for mut column in weighted.column_iter_mut() {
+                column.iter_mut().zip(&inertial.weights).for_each(|(row, w)| *row *= *w * scale);
+            }
             all.push([rows, weighted]);
         }
-        Living { bodies: all, contacts: contacts.len() }
+        Living { bodies: all }
     }
 
-    /// Displacements of all contacts by forces at one, 3n × 3, m/N.
-    pub fn columns(&self, a: usize) -> DMatrix<f64> {
-        let mut all = DMatrix::zeros(3 * self.contacts, 3);
-        for [rows, weighted] in &self.bodies {
-            all.gemm(1.0, weighted, &rows.rows(3 * a, 3).transpose(), 1.0);
-        }
-        all
-    }
-
-    /// Displacement of a contact by its own force.
-    pub fn block(&self, a: usize) -> Matrix3<f64> {
+    /// Displacement of a contact by a force at another, m/N.
+    pub fn block(&self, i: usize, j: usize) -> Matrix3<f64> {
         let of = |[rows, weighted]: &[DMatrix<f64>; 2]| {
-            Matrix3::from(weighted.fixed_rows::<3>(3 * a) * rows.fixed_rows::<3>(3 * a).transpose())
+            let [one, other] = [weighted.fixed_columns::<3>(3 * i), rows.fixed_columns::<3>(3 * j)];
+            Matrix3::from_fn(|r, k| one.column(r).dot(&other.column(k)))
         };
         self.bodies.iter().map(of).sum()
     }

@@ -1,6 +1,6 @@
 //! Bodies that move by their inertia and touch tools and one another.
 
-use super::running::Motion;
+use super::motion::Motion;
 use super::tests::file;
 use super::touch::Contact;
 use crate::effect::{EFFECTS, Resolved, attach};

@@ -1,6 +1,6 @@
 //! Bodies that press, rub and strike each other and themselves.
 
-use super::running::Motion;
+use super::motion::Motion;
 use super::tests::{YOUNG, file, graded, layer, medit, world};
 use super::touch::Contact;
 use crate::deform::ControlPose;
@@ -19,12 +19,13 @@ type V3 = Vector3<f64>;
 pub struct Two {
     pub world: World,
     pub frame: usize,
+    pub warnings: Vec<String>,
 }
 
 impl Two {
     pub fn of(text: &str, path: &Path) -> Two {
         let scene = Resolved::parse(text, path).unwrap();
-        Two { world: world(&scene, &file(&scene)), frame: 0 }
+        Two { world: world(&scene, &file(&scene)), frame: 0, warnings: Vec::new() }
     }
 
     /// Moves the hand of a body, by its number.
@@ -37,7 +38,8 @@ impl Two {
     pub fn step(&mut self) {
         self.frame += 1;
         let time_s = self.frame as f64 / 60.0;
-        self.world.step(&TrackerState { head: None, styli: Vec::new(), time_s }.into());
+        let frame = self.world.step(&TrackerState { head: None, styli: Vec::new(), time_s }.into());
+        self.warnings.extend(frame.warnings.iter().cloned());
     }
 
     pub fn contacts(&self) -> Vec<Contact> {
@@ -342,7 +344,8 @@ fn a_state_in_the_middle_of_a_rub_goes_on_bit_by_bit() {
     let high = block("high", [0.0, 0.0505, 0.0], [0.2, 0.1, 0.2], [4, 2, 4], "ymax", keys);
     let scene = Resolved::parse(&(low + &high), Path::new("two.toml")).unwrap();
     let file = file(&scene);
-    let [mut first, mut second] = [(); 2].map(|()| Two { world: world(&scene, &file), frame: 0 });
+    let [mut first, mut second] =
+        [(); 2].map(|()| Two { world: world(&scene, &file), frame: 0, warnings: Vec::new() });
     let rub = |two: &mut Two, frame: i32| {
         two.hand(1, V3::new(1e-3 * f64::from(frame), -2e-4 * f64::from(frame), 0.0));
         two.step();

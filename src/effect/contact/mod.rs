@@ -2,14 +2,18 @@
 //!
 //! In: tools of the scene, on styli or in the room; bodies with the compliance of their surface. Out: forces at single points of each
 //! surface, which act like loads, and on the tool. The shape without contact is [`free`](touched_body) by columns alone; the gaps at
-//! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`touch`]) and
+//! nodes and triangles near a tool ([`detection`]) or another surface ([`meeting`], [`crossing`]), the compliance between them ([`compliance`]) and
 //! Coulomb's friction make a complementarity problem ([`crate::solve::cone`]), solved in steps so short that nothing passes through a
 //! body ([`way`], [`system`], [`round`]). A body with inertia is moved by these forces meanwhile ([`inertial`], [`response`]). A force
 //! device feels those of its tool between two frames too ([`felt`]).
 
+mod attach;
 mod backing;
 mod candidates;
+mod compliance;
 mod crossing;
+#[cfg(test)]
+mod crowd_tests;
 mod detection;
 mod felt;
 mod inertial;
@@ -18,6 +22,7 @@ mod inertial_tests;
 mod meeting;
 #[cfg(test)]
 mod meeting_tests;
+mod motion;
 mod response;
 mod round;
 mod rubbed;
@@ -47,6 +52,6 @@ pub(crate) const ENTRY: EffectEntry = EffectEntry {
     dissipates: Some(|body| settings::Settings::of(body).friction > 0.0),
     settings: Some(settings::Settings::read),
     suits: Some(settings::suits),
-    attach: Some(running::attach),
+    attach: Some(attach::attach),
     ..EffectEntry::NOTHING
 };

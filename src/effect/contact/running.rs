@@ -8,17 +8,16 @@ use super::candidates::{Nodes, Places};
 use super::detection::distance;
 use super::felt::{Felt, Touching};
 use super::inertial::{self, Inertias};
+use super::motion::{Motion, Placed, Push};
 use super::round::{Outcome, Step};
 use super::rubbed::add_friction;
-use super::settings::{NAME, Settings};
+use super::settings::NAME;
 use super::shown::Shown;
 use super::system::advance;
-use super::touch::{Against, Contact, at_nodes, at_spots, force_on_tool, shifted};
-use super::touched_body::{SurfaceSpot, TouchedBody};
+use super::touch::{Contact, at_nodes, at_spots, force_on_tool, shifted};
+use super::touched_body::TouchedBody;
 use super::way::{MOST_STEPS, Near, Start, Way, are_moved_alike, place_between, poses_between, tool_way};
-use crate::base::failure::Failure;
 use crate::deform::{Contribution, ControlPose, DeformerState};
-use crate::effect::entry::EffectInput;
 use crate::stage::Stage;
 use crate::world::dissipation::Dissipation;
 use crate::world::inertia::{Coming, Gone, Inertia, StepForces};
@@ -26,7 +25,6 @@ use crate::world::running::{Memory, read, written};
 use crate::world::tool::{Tool, pose_between};
 use crate::world::{BodyFrame, Frame, RunningEffect, World};
 use nalgebra::{Isometry3, Similarity3, Vector3};
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
@@ -49,85 +47,6 @@ pub struct Contacts {
     frame_s: f64,
 }
 
-/// All that lasts from frame to frame.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Motion {
-    /// Last place of each tool, and by how far its spring had yielded, m.
-    pub tools: Vec<Placed>,
-    pub contacts: Vec<Contact>,
-    /// Last place of each touched body.
-    #[serde(with = "crate::field::numbers::list")]
-    places: Vec<Similarity3<f64>>,
-    /// Each touched body without contact.
-    free: Vec<DeformerState>,
-    /// Whether the forces are those of the last frame's poses, loads and tools.
-    is_settled: bool,
-    /// Forces on each touched body with inertia in the mean over the last frame, along its axes.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pushed: Vec<Vec<Push>>,
-}
-
-/// A force at a node, N.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Push {
-    node: u32,
-    #[serde(with = "crate::field::numbers")]
-    force: V3,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Placed {
-    #[serde(with = "crate::field::numbers::option")]
-    pub pose: Option<Isometry3<f64>>,
-    #[serde(with = "crate::field::numbers")]
-    pub yielded: V3,
-}
-
-impl Placed {
-    /// Pose of its surface: the hand's, less what its spring yields.
-    pub fn surface(&self) -> Option<Isometry3<f64>> {
-        self.pose.map(|pose| shifted(&pose, &self.yielded))
-    }
-}
-
-pub fn attach(
-    listed: &EffectInput<'_>,
-    world: &mut World,
-) -> Result<Option<Box<dyn RunningEffect>>, Failure> {
-    let scene = listed.scene;
-    let touching = scene.tool.iter().filter(|(_, tool)| !tool.shape.is_blade());
-    let tools = touching.map(|(name, tool)| Tool::new(scene, name, tool));
-    let tools = tools.collect::<Result<Vec<_>, _>>()?;
-    let settings: Vec<Settings> =
-        listed.bodies.iter().map(|(_, name)| Settings::of(&scene.bodies[*name])).collect();
-    let names: Vec<&str> = listed.bodies.iter().map(|(_, name)| *name).collect();
-    let mut pairs = Vec::new();
-    for one in 0..names.len() {
-        let meets = |other: &usize| settings[one].meets(names[one], &settings[*other], names[*other]);
-        pairs.extend((one..names.len()).filter(meets).map(|other| [one, other]));
-    }
-    let mut bodies = Vec::new();
-    for (&(b, name), settings) in listed.bodies.iter().zip(&settings) {
-        let is_felt = scene.bodies[name].entries().any(|effect| effect.is_felt);
-        let touching = tools.iter().map(|tool| settings.touches(&tool.name)).collect();
-        let deformer = &mut world.bodies[b].deformer;
-        deformer.feel();
-        let body = TouchedBody::new(b, deformer, (settings.friction, is_felt), touching);
-        let mut body = body.map_err(|message| Failure::request(anyhow::anyhow!("body.{name}: {message}")))?;
-        body.is_heard = scene.bodies[name].entries().any(|effect| effect.is_heard);
-        bodies.push(body);
-    }
-    for (number, body) in bodies.iter_mut().enumerate() {
-        if pairs.iter().any(|pair| pair.contains(&number)) {
-            body.measure_walls();
-        }
-    }
-    Ok(Some(Box::new(Contacts::new(bodies, tools, pairs, &world.assets.stage))))
-}
-
 /// The bodies in a frame, as the world has them.
 struct Now {
     tools: Vec<Option<Isometry3<f64>>>,
@@ -142,7 +61,12 @@ fn poses_of(world: &World, b: usize) -> Vec<ControlPose> {
 }
 
 impl Contacts {
-    fn new(bodies: Vec<TouchedBody>, tools: Vec<Tool>, pairs: Vec<[usize; 2]>, stage: &Stage) -> Contacts {
+    pub fn new(
+        bodies: Vec<TouchedBody>,
+        tools: Vec<Tool>,
+        pairs: Vec<[usize; 2]>,
+        stage: &Stage,
+    ) -> Contacts {
         let motion = Motion { tools: vec![Placed::default(); tools.len()], ..Motion::default() };
         let felt = Felt::new(&bodies, &tools, stage);
         Contacts { bodies, tools, pairs, motion, felt, first_s: None, warnings: Vec::new(), frame_s: 0.0 }
@@ -297,7 +221,7 @@ impl Contacts {
             }
         }
         self.forget_columns(&near.all);
-        self.prepare_columns(&near.by_tools, &way, &now.tools);
+        self.prepare_columns(&near.all, &way, &now.tools);
         self.felt.moved(near.by_tools, way.tools);
     }
 
@@ -436,12 +360,12 @@ impl Contacts {
     /// Places of nodes with the forces of the contacts, in the states that were taken last.
     fn places(&self, nodes: &[Arc<Nodes>]) -> Vec<Places> {
         let of = |(b, (body, nodes)): (usize, (&TouchedBody, &Arc<Nodes>))| {
-            Places::free(body, nodes).moved(body.moved(&at_nodes(&self.bodies, &self.motion.contacts, b)))
+            Places::free(body, nodes).moved(body, &at_nodes(&self.bodies, &self.motion.contacts, b))
         };
         self.bodies.iter().zip(nodes).enumerate().map(of).collect()
     }
 
-    /// Has the columns of nodes that tools come near solved for before they touch, the nearest first.
+    /// Has the columns of nodes that tools and surfaces come near solved for before they touch, the nearest to tools first.
     fn prepare_columns(&mut self, near: &[Arc<Nodes>], way: &Way, poses: &[Option<Isometry3<f64>>]) {
         for ((body, near), places) in self.bodies.iter_mut().zip(near).zip(&way.after) {
             let tools = self.tools.iter().zip(poses).zip(&body.tools).filter(|(_, touches)| **touches);
@@ -542,30 +466,7 @@ impl RunningEffect for Contacts {
 
     fn set_memory(&mut self, memory: &Memory) -> Result<(), String> {
         let motion: Motion = read(memory)?;
-        let is_pair = |one: usize, other: usize| {
-            self.pairs.iter().any(|pair| *pair == [one, other] || *pair == [other, one])
-        };
-        let fits = |contact: &Contact| {
-            let is_known = match contact.against {
-                Against::Tool(tool) => tool < self.tools.len(),
-                Against::Surface { body, .. } => is_pair(contact.body, body),
-            };
-            let spot_fits = |(body, spot, _): (usize, SurfaceSpot, f64)| {
-                self.bodies.get(body).is_some_and(|body| body.bears(&spot))
-            };
-            is_known && contact.sides().all(spot_fits)
-        };
-        let bodies = self.bodies.len();
-        let is_begun = !motion.places.is_empty();
-        if (motion.tools.len(), motion.free.len()) != (self.tools.len(), bodies)
-            || (is_begun && motion.places.len() != bodies)
-            || !motion.contacts.iter().all(fits)
-            || !motion
-                .pushed
-                .iter()
-                .zip(&self.bodies)
-                .all(|(pushed, body)| pushed.iter().all(|push| (push.node as usize) < body.takes.len()))
-        {
+        if !motion.fits(&self.bodies, &self.tools, &self.pairs) {
             return Err("its tools and contacts are those of another scene".to_owned());
         }
         for (body, state) in self.bodies.iter_mut().zip(&motion.free) {

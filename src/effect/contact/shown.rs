@@ -1,6 +1,7 @@
 //! Contact in the picture: the shapes of tools, and forces on hands and between bodies as arrows with their newtons.
 
-use super::touch::{Contact, at_nodes, force_on_tool};
+use super::candidates::Places;
+use super::touch::{Contact, force_on_tool};
 use super::touched_body::TouchedBody;
 use crate::render::{Drawable, Formed};
 use crate::world::force_mark::{mark_force, unknown};
@@ -90,17 +91,15 @@ impl<'a> Shown<'a> {
 
     /// Mean of the places of contacts, weighted with their forces.
     fn middle(&self, contacts: &[&Contact]) -> Option<Point3<f64>> {
-        let moved = |(number, body): (usize, &'a TouchedBody)| {
-            body.moved(&at_nodes(self.bodies, self.contacts, number))
+        let of = |number: usize| {
+            let nodes = contacts.iter().flat_map(|contact| contact.nodes_of(number)).collect();
+            Places::pressed(self.bodies, self.contacts, number, nodes)
         };
-        let moved: Vec<_> = self.bodies.iter().enumerate().map(moved).collect();
+        let places: Vec<_> = (0..self.bodies.len()).map(of).collect();
         let (mut sum, mut weight) = (Vector3::zeros(), 0.0);
         for contact in contacts {
             let force = contact.force.norm();
-            for (node, w) in contact.spot.corners() {
-                let place = self.bodies[contact.body].free_place(node) + moved[contact.body](node);
-                sum += place * (w * force);
-            }
+            sum += places[contact.body].of(&contact.spot) * force;
             weight += force;
         }
         (weight > 0.0).then(|| Point3::from(sum / weight))

@@ -12,24 +12,22 @@
 //! they stand where their gaps were taken.
 
 use super::candidates::Places;
-use super::inertial::{self, Inertias, Living};
-use super::round::{Outcome, Round, Step, Watch, leads};
+use super::compliance::compliance;
+use super::inertial::{self, Inertias};
+use super::round::{Outcome, Round, Step, Watch};
 use super::slides::Slides;
-use super::touch::{Contact, at_nodes, fetch, force_on_tool, friction, static_between, turns};
-use super::touched_body::{SurfaceSpot, TouchedBody};
+use super::touch::{Contact, at_nodes, fetch, force_on_tool, friction, turns};
+use super::touched_body::TouchedBody;
 use crate::base::quantity::quantity;
 use crate::deform::contact_axes;
-use crate::solve::cone::{Compliance, Cone, Reached};
-use nalgebra::{DVector, Matrix3, Vector3};
+use crate::solve::cone::{Cone, Reached};
+use nalgebra::{DVector, Vector3};
 
 type V3 = Vector3<f64>;
 
 /// Rounds of detection and solution at most.
 const MOST_ROUNDS: usize = 12;
-/// Part of its own compliance by which a spot yields more that is not independent of the others.
-const SKIN: f64 = 1e-3;
-/// Part of the error that a gap may have within which the forces on bodies with inertia are found: what they miss in one step, the next
-/// one sees.
+/// Part of the error that a gap may have within which forces are found.
 const FINE: f64 = 1e-2;
 /// Part of the force at the beginning of a step below which a contact is open at its end.
 const GONE: f64 = 1e-9;
@@ -53,17 +51,26 @@ pub fn advance(
         bodies.iter().zip(step.starts).map(|(body, starts)| Places::free(body, starts.nodes())).collect();
     let mut places = with_contact(bodies, contacts, &free);
     let (mut watch, mut slides) = (Watch::new(step.meetings.len()), Slides::default());
+    let mut is_exact = false;
     for round in 0..MOST_ROUNDS {
         let yielded = all_yielded(bodies, contacts, step);
         let now = Round { bodies, step, places: &places, yielded: &yielded };
+        let solved = contacts.clone();
         let mut found = now.meet_tools(contacts, &mut slides, &mut outcome);
         found |= now.meet_surfaces(contacts, &mut watch, round == 0, &mut outcome);
-        let mut is_exact = true;
+        if is_exact && !found {
+            // The forces that were found hold, at the spots for which they were found.
+            *contacts = solved;
+            if outcome.is_unfinished || !now.pass_surfaces(contacts, &watch, &mut outcome) {
+                break;
+            }
+        }
         // What has no normal cannot be pressed.
         contacts.retain(|contact| now.gap(contact).1 != V3::zeros());
         if contacts.is_empty() {
             go(bodies, (&mut *inertias, share), contacts, &mut free);
             places.clone_from(&free);
+            is_exact = true;
         } else {
             if let Err(warning) = fetch(bodies, contacts) {
                 outcome.warn(warning);
@@ -82,11 +89,6 @@ pub fn advance(
             is_exact = !has_left && then.has_gaps(contacts, &gaps);
             watch.moved(&places, &after);
             (places, outcome.reached) = (after, Some(reached));
-        }
-        let is_settled = !found && is_exact && (round > 0 || contacts.is_empty());
-        let now = Round { bodies, step, places: &places, yielded: &all_yielded(bodies, contacts, step) };
-        if is_settled && (outcome.is_unfinished || !now.pass_surfaces(contacts, &watch, &mut outcome)) {
-            break;
         }
         outcome.is_unfinished |= round + 1 == MOST_ROUNDS;
     }
@@ -129,7 +131,7 @@ fn let_go(bodies: &[TouchedBody], contacts: &mut [Contact]) -> bool {
 /// Places of all candidates with the forces of the contacts.
 fn with_contact(bodies: &[TouchedBody], contacts: &[Contact], free: &[Places]) -> Vec<Places> {
     let of = |(number, (body, free)): (usize, (&TouchedBody, &Places))| {
-        free.moved(body.moved(&at_nodes(bodies, contacts, number)))
+        free.moved(body, &at_nodes(bodies, contacts, number))
     };
     bodies.iter().zip(free).enumerate().map(of).collect()
 }
@@ -161,13 +163,11 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64
         bases.push(basis);
     }
     let (w, skins) = compliance(now, contacts, (&turns, &bases));
-    let within = contacts
-        .iter()
-        .map(|contact| if contact.lives(bodies) { FINE * now.tolerance(contact) } else { 0.0 });
+    let within = contacts.iter().map(|contact| FINE * now.tolerance(contact));
     let within = within.fold(f64::INFINITY, f64::min);
     let cone = Cone { w: &w, d0: &d0, friction: &friction };
     let reached = cone.solve_within(&mut f, within);
-    let d = cone.displacements(&f);
+    let d = DVector::from_vec(cone.displacements(f.as_slice()));
     // What a skin yields is no gap.
     let gap = |i: usize| d[3 * i] - skins[i] * f[3 * i] + wanted[i];
     let gaps = (0..contacts.len()).map(gap).collect();
@@ -179,45 +179,4 @@ fn solve(now: &Round<'_>, contacts: &mut [Contact], free: &[Places]) -> (Vec<f64
         contact.rubbed = (-force.yz().dot(&slip.yz())).max(0.0);
     }
     (gaps, reached)
-}
-
-/// W of these contacts, each in its own basis, m/N, with their skins, and the compliance of each skin.
-fn compliance<'a>(
-    now: &'a Round<'_>,
-    contacts: &'a [Contact],
-    (turns, bases): (&'a [Matrix3<f64>], &'a [Matrix3<f64>]),
-) -> (Compliance<'a>, Vec<f64>) {
-    let (bodies, tools) = (now.bodies, now.step.tools);
-    let living = Living::new(bodies, turns, contacts, bases);
-    let at_rest = move |i: usize, a: usize| {
-        bases[i].tr_mul(&static_between(bodies, tools, turns, (&contacts[i], &contacts[a]))) * bases[a]
-    };
-    let mut diagonal: Vec<_> = (0..contacts.len()).map(|i| at_rest(i, i) + living.block(i)).collect();
-    let with_skin = |(contact, block): (&Contact, &mut Matrix3<f64>)| {
-        let skin = skin(bodies, contact, block);
-        *block += Matrix3::from_diagonal_element(skin);
-        skin
-    };
-    let skins: Vec<f64> = contacts.iter().zip(&mut diagonal).map(with_skin).collect();
-    let own = skins.clone();
-    let columns = move |a: usize| {
-        let mut columns = living.columns(a);
-        for i in 0..contacts.len() {
-            let mut rows = columns.fixed_rows_mut::<3>(3 * i);
-            rows += at_rest(i, a);
-        }
-        (0..3).for_each(|k| columns[(3 * a + k, k)] += own[a]);
-        columns
-    };
-    (Compliance::new(diagonal, columns), skins)
-}
-
-/// Compliance of a contact beside that of its bodies, m/N. Contacts between nodes, and those of both surfaces at once, depend on one
-/// another: a thin skin makes their forces unique.
-fn skin(bodies: &[TouchedBody], contact: &Contact, own: &Matrix3<f64>) -> f64 {
-    let yields = |(body, spot, _): (usize, SurfaceSpot, f64)| bodies[body].has_columns(&spot);
-    let is_node = contact.spot.corners().count() == 1 && contact.sides().all(yields);
-    let is_one_way = |(other, _)| other != contact.body && leads(bodies, [contact.body, other]);
-    let is_alone = is_node && contact.other().is_none_or(is_one_way);
-    if is_alone { 0.0 } else { SKIN * own.trace() / 3.0 }
 }

@@ -1,7 +1,7 @@
 //! Blocks and bars that tools press, rub and strike.
 
 use super::ENTRY;
-use super::running::Motion;
+use super::motion::Motion;
 use crate::deform::{ControlPose, Deformer};
 use crate::effect::{Resolved, attach, precompute};
 use crate::green::{self, GreenFile};

@@ -157,26 +157,40 @@ fn drawn(friction: f64, [middle, height]: [f64; 2], folder: &Path) -> Vec<[f64; 
         pulls.push([0, 1].map(|element| wrenches[element].force.x.abs()));
     }
     println!("{} contacts", strip.contacts().len());
+    assert_eq!(strip.warnings, Vec::<String>::new());
     pulls
 }
 
 /// Euler's formula of a rope round a post: T₂/T₁ = e^(μφ), with φ = π. The strip has the post's curvature at rest, so that small strains draw it
 /// tight, which linear theory can. The pull acts in the middle of the strip and friction at its inner face: about the post's axis,
 /// R dT = μ N (R - h/2) dφ, which takes μ (1 - h/2R) for μ.
+fn slides_at_eulers_ratio(friction: f64, height: f64) {
+    let (folder, middle) = (tempfile::tempdir().unwrap(), 0.1);
+    let pulls = drawn(friction, [middle, height], folder.path());
+    let ratios: Vec<f64> = pulls[1..].iter().map(|[low, up]| up / low).collect();
+    let expected = (friction * PI * (1.0 - 0.5 * height / middle)).exp();
+    println!(
+        "friction {friction}, {height} m: {ratios:.3?}, Euler {expected:.4}, a thin rope {:.4}",
+        (friction * PI).exp()
+    );
+    assert!((ratios[8] - 1.0).abs() < 1e-3, "drawn at both ends alike: {}", ratios[8]);
+    let last = &ratios[44..];
+    assert!(last.iter().all(|ratio| (ratio / expected - 1.0).abs() < 0.03), "{last:?}, Euler {expected}");
+}
+
 #[test]
 fn a_strip_that_is_drawn_round_a_post_slides_at_eulers_ratio() {
-    let folder = tempfile::tempdir().unwrap();
-    let [middle, height] = [0.1, 0.01];
-    for friction in [0.1_f64, 0.2] {
-        let pulls = drawn(friction, [middle, height], folder.path());
-        let ratios: Vec<f64> = pulls[1..].iter().map(|[low, up]| up / low).collect();
-        let expected = (friction * PI * (1.0 - 0.5 * height / middle)).exp();
-        println!(
-            "friction {friction}: {ratios:.3?}, Euler {expected:.4}, a thin rope {:.4}",
-            (friction * PI).exp()
-        );
-        assert!((ratios[8] - 1.0).abs() < 1e-3, "drawn at both ends alike: {}", ratios[8]);
-        let last = &ratios[44..];
-        assert!(last.iter().all(|ratio| (ratio / expected - 1.0).abs() < 0.03), "{last:?}, Euler {expected}");
-    }
+    [0.1, 0.2].into_iter().for_each(|friction| slides_at_eulers_ratio(friction, 0.01));
+}
+
+/// Contacts of a slender strip depend so much on one another that sweeps over single ones do not find their forces.
+#[test]
+fn a_slender_strip_slides_at_eulers_ratio() {
+    slides_at_eulers_ratio(0.2, 0.005);
+}
+
+#[test]
+#[ignore = "takes some seconds"]
+fn a_rough_strip_slides_at_eulers_ratio() {
+    slides_at_eulers_ratio(0.4, 0.01);
 }

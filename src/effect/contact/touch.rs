@@ -153,36 +153,13 @@ pub fn compliance_between(
     bodies: &[TouchedBody],
     tools: &[Tool],
     turns: &[Matrix3<f64>],
-    pair: (&Contact, &Contact),
-) -> Matrix3<f64> {
-    between(bodies, tools, turns, pair, &TouchedBody::between)
-}
-
-/// [`compliance_between`] without inertia.
-pub fn static_between(
-    bodies: &[TouchedBody],
-    tools: &[Tool],
-    turns: &[Matrix3<f64>],
-    pair: (&Contact, &Contact),
-) -> Matrix3<f64> {
-    between(bodies, tools, turns, pair, &TouchedBody::static_between)
-}
-
-/// Compliance of a body between two of its spots, along the axes of its columns, m/N.
-type Between = dyn Fn(&TouchedBody, &SurfaceSpot, &SurfaceSpot) -> Matrix3<f64>;
-
-fn between(
-    bodies: &[TouchedBody],
-    tools: &[Tool],
-    turns: &[Matrix3<f64>],
     (a, b): (&Contact, &Contact),
-    of_body: &Between,
 ) -> Matrix3<f64> {
     let mut block = Matrix3::zeros();
     for (body, at, sign) in a.sides() {
         for (_, from, other_sign) in b.sides().filter(|(other, ..)| *other == body) {
             let turn = &turns[body];
-            block += turn * of_body(&bodies[body], &at, &from) * turn.transpose() * (sign * other_sign);
+            block += turn * bodies[body].between(&at, &from) * turn.transpose() * (sign * other_sign);
         }
     }
     let spring = a.tool().filter(|_| a.tool() == b.tool()).and_then(|tool| tools[tool].stiffness);

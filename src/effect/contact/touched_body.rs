@@ -8,6 +8,7 @@ use crate::mesh::walls::wall_thickness;
 use crate::world::dissipation::Dissipation;
 use nalgebra::{Matrix3, Point3, Rotation3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
@@ -54,6 +55,7 @@ pub struct TouchedBody {
     /// Place in this frame.
     pub room_from_body: Similarity3<f64>,
     columns: Columns,
+    moved: RefCell<Moved>,
     /// Nodes whose columns the background was asked for last.
     prepared: Vec<u32>,
 }
@@ -65,8 +67,18 @@ struct Columns {
     slots: Vec<Option<u32>>,
     nodes: Vec<u32>,
     columns: Vec<Arc<Yield>>,
-    /// Row i: blocks with nodes 0 to i, m/N.
-    blocks: Vec<Vec<Matrix3<f32>>>,
+    /// Blocks of each node with those up to it, one row after the other, m/N.
+    blocks: Vec<Matrix3<f32>>,
+}
+
+/// Displacements along the axes of the columns, in the body's metres, by the forces for which they were asked last, of each node of which
+/// they were.
+#[derive(Default)]
+struct Moved {
+    forces: Vec<(u32, V3)>,
+    /// Whether all columns of these nodes were there that there are.
+    is_whole: bool,
+    by: Vec<Option<V3>>,
 }
 
 /// Columns that nothing needs are dropped when they are one of so many.
@@ -91,15 +103,19 @@ impl Columns {
         let row = self.nodes.iter().zip(&self.columns).filter_map(|(other, column)| {
             Some((block(node, column) + block(*other, own?).transpose()) * 0.5)
         });
-        self.blocks.push(row.collect());
+        self.blocks.extend(row);
     }
 
     /// Displacement of one node by a force at another.
     fn block(&self, at: u32, from: u32) -> Matrix3<f64> {
-        let Some((at, from)) = self.slot(at).zip(self.slot(from)) else { return Matrix3::zeros() };
+        self.slot(at).zip(self.slot(from)).map_or_else(Matrix3::zeros, |(at, from)| self.at(at, from))
+    }
+
+    /// [`Columns::block`] of nodes by their places in the lists.
+    fn at(&self, at: usize, from: usize) -> Matrix3<f64> {
         match at >= from {
-            true => self.blocks[at][from].cast(),
-            false => self.blocks[from][at].transpose().cast(),
+            true => self.blocks[at * (at + 1) / 2 + from].cast(),
+            false => self.blocks[from * (from + 1) / 2 + at].transpose().cast(),
         }
     }
 
@@ -114,10 +130,9 @@ impl Columns {
                 self.slots[*node as usize] = None;
             }
         }
-        for row in &mut self.blocks {
-            retain(row, &stays);
-        }
-        retain(&mut self.blocks, &stays);
+        let pairs = (0..stays.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let of_pairs: Vec<bool> = pairs.map(|(i, j)| stays[i] && stays[j]).collect();
+        retain(&mut self.blocks, &of_pairs);
         retain(&mut self.columns, &stays);
         retain(&mut self.nodes, &stays);
         for (slot, node) in (0..).zip(&self.nodes) {
@@ -191,6 +206,7 @@ impl TouchedBody {
             outward_at_rest: Vec::new(),
             room_from_body,
             columns: Columns::default(),
+            moved: RefCell::default(),
             prepared: Vec::new(),
         })
     }
@@ -267,11 +283,6 @@ impl TouchedBody {
         (self.room_from_body.isometry.rotation * in_body).to_rotation_matrix()
     }
 
-    /// Place in the room of a node without contact, in the state that was taken last.
-    pub fn free_place(&self, node: u32) -> V3 {
-        (self.room_from_body * Point3::from(self.free.place_in_state(node as usize))).coords
-    }
-
     /// Places in the room of all nodes of a deformer of this body, as they were summed last.
     pub fn summed_places(&self, deformer: &Deformer) -> Vec<V3> {
         let motion = self.room_from_body * deformer.body_from_surface();
@@ -320,16 +331,10 @@ impl TouchedBody {
 
     /// Compliance between two spots, in the axes of the columns, m/N in the room.
     pub fn between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
-        let by_inertia = self
-            .inertial
-            .as_ref()
-            .map_or_else(Matrix3::zeros, |own| own.between(at.corners(), from.corners()));
-        self.static_between(at, from) + by_inertia * self.room_from_body.scaling()
-    }
-
-    /// [`TouchedBody::between`] without inertia.
-    pub fn static_between(&self, at: &SurfaceSpot, from: &SurfaceSpot) -> Matrix3<f64> {
-        let mut all = Matrix3::zeros();
+        let mut all = match &self.inertial {
+            Some(own) => own.between(at.corners(), from.corners()),
+            None => Matrix3::zeros(),
+        };
         for (source, w) in from.corners() {
             for (target, v) in at.corners() {
                 all += self.columns.block(target, source) * (v * w);
@@ -338,22 +343,40 @@ impl TouchedBody {
         all * self.room_from_body.scaling()
     }
 
+    /// Places of a spot's nodes among the columns that are there, with their shares.
+    pub fn slots(&self, spot: &SurfaceSpot) -> impl Iterator<Item = (usize, f64)> {
+        spot.corners().filter_map(|(node, w)| Some((self.columns.slot(node)?, w)))
+    }
+
+    /// Compliance between two such nodes, in the axes of the columns, m/N in the body's metres.
+    pub fn block(&self, at: usize, from: usize) -> Matrix3<f64> {
+        self.columns.at(at, from)
+    }
+
     /// Displacements of nodes in the room by forces at nodes along the axes of the columns.
-    pub fn moved(&self, forces: &[(u32, V3)]) -> impl Fn(u32) -> V3 + use<'_> {
-        let known = forces.iter().filter_map(|(from, force)| Some((self.columns.get(*from)?, *force)));
-        let pulling: Vec<(&Arc<Yield>, V3)> = known.collect();
-        let (turn, scale) = (self.turn(), self.room_from_body.scaling());
-        move |node| {
-            let mut sum = V3::zeros();
-            for (column, force) in &pulling {
-                for (sum, row) in sum.iter_mut().zip(&column[node as usize]) {
+    pub fn moved(&self, forces: &[(u32, V3)], nodes: impl Iterator<Item = u32> + Clone) -> Vec<V3> {
+        let mut last = self.moved.borrow_mut();
+        if !last.is_whole || last.forces != forces {
+            let is_there =
+                |(node, _): &(u32, V3)| self.has_no_column(*node) || self.columns.get(*node).is_some();
+            *last = Moved { forces: forces.to_vec(), is_whole: forces.iter().all(is_there), by: Vec::new() };
+        }
+        last.by.resize(self.takes.len(), None);
+        let unknown: Vec<u32> = nodes.clone().filter(|node| last.by[*node as usize].is_none()).collect();
+        let mut sums = vec![V3::zeros(); unknown.len()];
+        for (from, force) in forces {
+            let Some(column) = self.columns.get(*from) else { continue };
+            for (sum, node) in sums.iter_mut().zip(&unknown) {
+                for (sum, row) in sum.iter_mut().zip(&column[*node as usize]) {
                     *sum += f64::from(row[0]) * force.x
                         + f64::from(row[1]) * force.y
                         + f64::from(row[2]) * force.z;
                 }
             }
-            turn * sum * scale
         }
+        unknown.into_iter().zip(sums).for_each(|(node, sum)| last.by[node as usize] = Some(sum));
+        let (turn, scale) = (self.turn(), self.room_from_body.scaling());
+        nodes.map(|node| last.by[node as usize].map_or_else(V3::zeros, |sum| turn * sum * scale)).collect()
     }
 
     /// The corners of the triangles around a node.
