@@ -1,7 +1,7 @@
 //! Blades in a world: whole cuts, slits, pieces that fall off, and cuts that go on from a state.
 
 use super::blade::Sweep;
-use super::opened::LEAST_FRAMES;
+use super::frames::LEAST_FRAMES;
 use crate::deform::ControlPose;
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
 use crate::green::{self, GreenFile};
@@ -413,7 +413,7 @@ fn a_cut_goes_on_from_a_state() {
     }
     // Edges that this body does not have, and cuts off an edge's end.
     let edges = first.world.effects[0].memory().unwrap().get().to_owned();
-    let at = edges.find("\"steps\":[[[[").unwrap() + "\"steps\":[[[[".len();
+    let at = edges.find("\"steps\":[{\"edges\":[[[").unwrap() + "\"steps\":[{\"edges\":[[[".len();
     let pair = &edges[at..at + edges[at..].find(']').unwrap()];
     let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
     let broken = state.replacen(&format!("[[{pair}]"), "[[0,0]", 1);

@@ -6,18 +6,23 @@
 //! body ([`opened`], [`solves`]), without another one. The body then goes on with the new columns as with any others, under gravity and
 //! with contacts, which ask for its compliance ([`yielding`]).
 
+mod base;
 mod blade;
 #[cfg(test)]
 mod blade_tests;
 mod body;
 mod carried;
 mod couplings;
+mod descent;
 mod fallen;
+mod frames;
 mod landing;
 mod loose;
+mod matter;
 mod opened;
 mod opening;
 mod point_fields;
+mod recall;
 mod resistance;
 mod running;
 mod settings;

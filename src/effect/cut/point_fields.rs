@@ -30,9 +30,14 @@ impl PointFields {
         self.solves.solve(b)
     }
 
-    /// A⁻¹ b, with b at these nodes, ascending, and zero at all others.
-    pub fn solve_at(&self, nodes: Vec<u32>, b: NodeFields) -> Result<NodeFields, String> {
-        self.solves.solve_at(nodes, b)
+    /// A⁻¹ b at the nodes asked, or at all, with b at these nodes, ascending, and zero at all others.
+    pub fn solve_at(
+        &self,
+        nodes: Vec<u32>,
+        b: NodeFields,
+        asked: Option<Vec<u32>>,
+    ) -> Result<NodeFields, String> {
+        self.solves.solve_at(nodes, b, asked)
     }
 
     /// The fields of these free nodes.
@@ -52,7 +57,7 @@ impl PointFields {
             return Ok(found);
         }
         let fields = self.solves.points(missing.clone())?;
-        let most = (KEPT_BYTES / (36 * self.free).max(1)).max(KEPT);
+        let most = (KEPT_BYTES / (72 * self.free).max(1)).max(KEPT);
         let mut kept = lock();
         for (node, field) in missing.into_iter().zip(fields) {
             kept.push_front((node, field.clone()));

@@ -5,12 +5,11 @@
 
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::solve::{Factor, Silent, SolveError, Solver};
-use nalgebra::DMatrix;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// Displacements of all free nodes for a force of 1 N along each axis: 3 free nodes × 3, m/N.
-pub type PointField = Arc<DMatrix<f32>>;
+pub type PointField = Arc<NodeFields>;
 
 /// Nodes that are solved for together: one block of a factor's solve, so that the bits of one do not depend on how many others are asked
 /// for, and nobody waits long for another one's answer.
@@ -18,7 +17,7 @@ pub const TOGETHER: usize = 8;
 
 enum Question {
     Fields(NodeFields, Answer<NodeFields>),
-    At(Vec<u32>, NodeFields, Answer<NodeFields>),
+    At(Vec<u32>, NodeFields, Option<Vec<u32>>, Answer<NodeFields>),
     Points(Vec<u32>, Answer<Vec<PointField>>),
 }
 
@@ -40,9 +39,14 @@ impl Solves {
         self.answered(|answer| Question::Fields(b, answer))
     }
 
-    /// A⁻¹ b, with b at these nodes, and zero at all others; as exact as the factor, without refinement.
-    pub fn solve_at(&self, nodes: Vec<u32>, b: NodeFields) -> Result<NodeFields, String> {
-        self.answered(|answer| Question::At(nodes, b, answer))
+    /// A⁻¹ b at the nodes asked, or at all, with b at these nodes, and zero at all others; as exact as the factor, without refinement.
+    pub fn solve_at(
+        &self,
+        nodes: Vec<u32>,
+        b: NodeFields,
+        asked: Option<Vec<u32>>,
+    ) -> Result<NodeFields, String> {
+        self.answered(|answer| Question::At(nodes, b, asked, answer))
     }
 
     /// A⁻¹ of unit forces at each of these nodes. The bits of one do not depend on the others.
@@ -64,7 +68,7 @@ fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
         while let Ok(question) = asked.recv() {
             // Who does not wait any more needs no answer.
             let _ = match question {
-                Question::Fields(_, answer) | Question::At(_, _, answer) => {
+                Question::Fields(_, answer) | Question::At(_, _, _, answer) => {
                     answer.send(Err(message.clone())).is_ok()
                 }
                 Question::Points(_, answer) => answer.send(Err(message.clone())).is_ok(),
@@ -84,8 +88,8 @@ fn serve(a: &StiffnessMatrix, asked: &Receiver<Question>) -> Result<(), SolveErr
                 let solved = factor.solve(&b, &Silent).map(|(x, _)| x);
                 answer.send(solved.map_err(|error| error.to_string())).is_ok()
             }
-            Question::At(nodes, b, answer) => {
-                let solved = factor.solve_at(&nodes, &b, &all);
+            Question::At(nodes, b, asked, answer) => {
+                let solved = factor.solve_at(&nodes, &b, asked.as_ref().unwrap_or(&all));
                 answer.send(solved.map_err(|error| error.to_string())).is_ok()
             }
             Question::Points(nodes, answer) => {
@@ -103,7 +107,8 @@ fn points(factor: &dyn Factor, nodes: &[u32], all: &[u32]) -> Result<Vec<PointFi
     for some in nodes.chunks(together) {
         let x = factor.solve_at(some, &NodeFields::unit(some.len()), all)?;
         fields.extend((0..some.len()).map(|k| {
-            Arc::new(DMatrix::from_fn(3 * x.nodes, 3, |row, axis| x.row(row)[3 * k + axis] as f32))
+            let data = (0..3 * x.nodes).flat_map(|row| x.row(row)[3 * k..3 * k + 3].iter().copied());
+            Arc::new(NodeFields { nodes: x.nodes, columns: 3, data: data.collect() })
         }));
     }
     Ok(fields)

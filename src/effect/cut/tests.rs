@@ -1,5 +1,6 @@
+use super::base::{Base, Tables};
 use super::fallen::Fallen;
-use super::opened::{Cuttable, Known, Shape, Tables};
+use super::opened::{Cuttable, Known, Shape};
 use crate::fem::dense_fields::products;
 use crate::fem::{Element, Lame, NodeFields, Partition, TET4, tet4};
 use crate::green::{ControlElement, FIELDS, Volume};
@@ -115,9 +116,9 @@ fn a_cut_body_is_the_body_solved_anew() {
         for (edge, share) in more {
             cut.insert(edge, share);
         }
-        let split = cuttable.split(&cut);
-        let points = cuttable.splitter.surface(&split, &cut);
-        let opened = cuttable.open(&known, &split, &points).unwrap();
+        let split = cuttable.split(&cut, &cuttable.base);
+        let points = cuttable.of.splitter.surface(&split, &cut);
+        let opened = cuttable.open(&cuttable.base, &known, (&split, &points)).unwrap();
         let (mesh, lame) = as_mesh(&volume, &split);
         let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(&volume));
         let largest = fields.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
@@ -147,7 +148,7 @@ fn a_cut_body_is_the_body_solved_anew() {
             off = off.max((place - volume.mesh.nodes[node] - V3::new(u(0), u(1), u(2))).amax());
         }
         let forces = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
-        let softer = 1.0 - opened.surface.stiffness[(0, 0)] / cuttable.stiffness()[(0, 0)];
+        let softer = 1.0 - opened.surface.stiffness[(0, 0)] / cuttable.base.tables.stiffness[(0, 0)];
         println!(
             "{} copies: columns {:e}, places {off:e} m, stiffness {forces:e}, equations {:e}, softer by {softer:.3}",
             split.copies.len(),
@@ -197,10 +198,10 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
         let across = bar([8 * m + 1, 4 * m, 2 * m]);
         let cut = by_plane(&across.mesh, V3::x(), middle.x, |x| x.y > middle.y);
         let across = cuttable(&across);
-        let split = across.split(&cut);
-        let surface = across.splitter.surface(&split, &cut);
-        let opened = across.open(&Known::default(), &split, &surface).unwrap();
-        let softer = bending(across.stiffness()) - bending(&opened.surface.stiffness);
+        let split = across.split(&cut, &across.base);
+        let surface = across.of.splitter.surface(&split, &cut);
+        let opened = across.open(&across.base, &Known::default(), (&split, &surface)).unwrap();
+        let softer = bending(&across.base.tables.stiffness) - bending(&opened.surface.stiffness);
         let expected = bending(&whole) - bending(&reference);
         println!("{m}: softer by {softer} N m, along faces by {expected} N m");
         apart.push(softer / expected - 1.0);
@@ -218,9 +219,11 @@ fn a_cut_surface_yields_like_that_of_the_body_solved_anew() {
     let middle = (low + high) * 0.5;
     let n = V3::new(1.0, 0.2, 0.3);
     let cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y - 0.02);
-    let split = cuttable.split(&cut);
-    let points = cuttable.splitter.surface(&split, &cut).points;
-    let opened = cuttable.open(&Known::default(), &split, &cuttable.splitter.surface(&split, &cut)).unwrap();
+    let split = cuttable.split(&cut, &cuttable.base);
+    let points = cuttable.of.splitter.surface(&split, &cut).points;
+    let opened = cuttable
+        .open(&cuttable.base, &Known::default(), (&split, &cuttable.of.splitter.surface(&split, &cut)))
+        .unwrap();
     let compliance = opened.surface.compliance.unwrap();
     let (mesh, lame) = as_mesh(&volume, &split);
     let k = Element::assemble(&TET4, &mesh, &lame).unwrap();
@@ -339,10 +342,10 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
         [CutEdges::new(), by_plane(&volume.mesh, V3::x(), middle.x - 0.031, |x| x.y > middle.y + 0.01)]
     {
         cut.extend(more);
-        let split = cuttable.split(&cut);
+        let split = cuttable.split(&cut, &cuttable.base);
         assert_eq!(split.loose.len(), 1);
-        let points = cuttable.splitter.surface(&split, &cut);
-        let opened = cuttable.open(&known, &split, &points).unwrap();
+        let points = cuttable.of.splitter.surface(&split, &cut);
+        let opened = cuttable.open(&cuttable.base, &known, (&split, &points)).unwrap();
         let (mesh, lame, numbers) = held_mesh(&volume, &split);
         let held: Vec<Vec<u32>> =
             volume.held.iter().map(|nodes| nodes.iter().map(|node| numbers[node]).collect()).collect();
@@ -412,19 +415,19 @@ fn a_piece_of_one_tetrahedron_comes_off() {
     let weight = Some([DMatrix::zeros(FIELDS, 3), DMatrix::zeros(3, 3)]);
     let tables = Tables { stiffness: stiffness.clone(), weight, takes_points: true };
     let cuttable = Cuttable::new(volume.clone(), &["a"], V3::zeros(), tables).unwrap();
-    let splitter = &cuttable.splitter;
+    let splitter = &cuttable.of.splitter;
     let is_corner = |node: &u32| splitter.tets_around(*node).len() == 1 && !volume.held[0].contains(node);
     let node = (0..volume.mesh.nodes.len() as u32).find(is_corner).unwrap();
     let tet = splitter.tets_around(node)[0];
     let share = |other: u32| if node < other { 0.3 } else { 0.7 };
     let others = volume.mesh.tets[tet as usize].into_iter().filter(|other| *other != node);
     let cut: CutEdges = others.map(|other| (edge([node, other]), share(other))).collect();
-    let split = cuttable.split(&cut);
+    let split = cuttable.split(&cut, &cuttable.base);
     let points = splitter.surface(&split, &cut);
-    let opened = cuttable.open(&Known::default(), &split, &points).unwrap();
+    let opened = cuttable.open(&cuttable.base, &Known::default(), (&split, &points)).unwrap();
     let changed = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
     let pieces = Fallen::all(&cuttable, (&split, &cut), &Split::default());
-    let mass = cuttable.mass(tet) * 0.3_f64.powi(3);
+    let mass = cuttable.of.mass(tet) * 0.3_f64.powi(3);
     let off = pieces[0].mass() / mass - 1.0;
     println!(
         "{} copies, stiffness changed by {changed:e}, mass off by {off:e}, {:e}",
