@@ -112,7 +112,7 @@ impl Base {
             free_at[*node as usize] = Some(at);
             for axis in 0..3 {
                 let row = &mut loads.row_mut(3 * at as usize + axis)[affine..];
-                row.copy_from_slice(&force(*node as usize, axis));
+                row.copy_from_slice(&force(*node as usize, axis)[..weights]);
             }
         }
         let fields = PointFields::new(Solves::start(partition.a(k)), partition.free.len());

@@ -272,6 +272,9 @@ impl CutBody {
             Ok(state) => {
                 let came_off = self.come_off(&state);
                 self.go_to(state);
+                if self.steps.last().is_some_and(|last| last.base == step.base) {
+                    self.rest_others();
+                }
                 self.steps.push(step);
                 self.renew();
                 came_off
@@ -291,6 +294,13 @@ impl CutBody {
             let left = frames::of_base(self.free());
             self.renewal = Some(Renewal::begin(&self.whole, &self.state.split, sizes, left));
         }
+    }
+
+    /// Gives back the memory of all factors but the present one. Not in the first step from a new base: the frame may still need the one before.
+    fn rest_others(&self) {
+        let others = self.strokes.iter().map(|(_, state)| &state.base.0).chain([&self.whole.cuttable.base]);
+        let others = others.filter(|base| !Arc::ptr_eq(base, &self.state.base.0));
+        others.for_each(|base| base.fields.solves.rest());
     }
 
     /// Number of free nodes of the mesh.
@@ -360,6 +370,7 @@ impl CutBody {
         self.cut.clone_from(&state.cut);
         self.fallen.retain(|piece| state.split.is_loose_at(piece.corner));
         self.last = state.moved.clone();
+        state.base.0.fields.solves.wake();
         self.go_to(state);
     }
 

@@ -10,9 +10,9 @@ const EDGES_A_FRAME: usize = 60_000;
 const MOST_FRAMES: usize = 20;
 
 /// Copies beyond a base above which another one is worked out beside the frames.
-pub const MOST_COPIES: usize = 240;
+pub const MOST_COPIES: usize = 200;
 /// Edges beyond a base above which no step begins from it.
-pub const MOST_EDGES: usize = 2000;
+pub const MOST_EDGES: usize = 1000;
 /// A new base of n free nodes takes n / these frames times 1 + n / these nodes.
 const OF_BASE_A_FRAME: usize = 500;
 const OF_BASE_TWICE: usize = 10_000;

@@ -21,8 +21,14 @@ mod loose;
 mod matter;
 mod opened;
 mod opening;
+#[cfg(test)]
+mod operated;
+#[cfg(test)]
+mod piece_tests;
 mod point_fields;
 mod recall;
+#[cfg(test)]
+mod renewal_tests;
 mod resistance;
 mod running;
 mod settings;

@@ -13,7 +13,7 @@ const KEPT_BYTES: usize = 256 << 20;
 const KEPT: usize = 12;
 
 pub struct PointFields {
-    solves: Solves,
+    pub solves: Solves,
     /// Number of free nodes.
     free: usize,
     /// Fields with their nodes, those that were asked for last in front.

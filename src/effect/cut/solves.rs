@@ -1,7 +1,8 @@
 //! Solves with the factor of a body, in a thread that holds it.
 //!
 //! In: A of the free nodes. Out: A⁻¹ b, and displacements for forces at single nodes. The thread factorises while the session begins, so
-//! that the factor is there when a blade comes; it ends when its [`Solves`] is dropped, or as soon as the factor is done then.
+//! that the factor is there when a blade comes; it ends when its [`Solves`] is dropped, or as soon as the factor is done then. While it
+//! rests it has no factor.
 
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::solve::{Factor, Silent, SolveError, Solver};
@@ -19,6 +20,8 @@ enum Question {
     Fields(NodeFields, Answer<NodeFields>),
     At(Vec<u32>, NodeFields, Option<Vec<u32>>, Answer<NodeFields>),
     Points(Vec<u32>, Answer<Vec<PointField>>),
+    Rest,
+    Wake,
 }
 
 type Answer<T> = Sender<Result<T, String>>;
@@ -54,6 +57,18 @@ impl Solves {
         self.answered(|answer| Question::Points(nodes, answer))
     }
 
+    /// Gives back the memory of the factor until the next question, which then waits for another one.
+    pub fn rest(&self) {
+        // A thread that has ended has none.
+        let _ = self.ask.send(Question::Rest);
+    }
+
+    /// Makes the factor again, if it rests.
+    pub fn wake(&self) {
+        // A thread that has ended tells so when it is asked.
+        let _ = self.ask.send(Question::Wake);
+    }
+
     fn answered<T>(&self, question: impl FnOnce(Answer<T>) -> Question) -> Result<T, String> {
         let (answer, answered) = channel();
         let ended = || "the thread that solves for cuts has ended".to_owned();
@@ -72,6 +87,7 @@ fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
                     answer.send(Err(message.clone())).is_ok()
                 }
                 Question::Points(_, answer) => answer.send(Err(message.clone())).is_ok(),
+                Question::Rest | Question::Wake => true,
             };
         }
     }
@@ -79,25 +95,41 @@ fn run(a: &StiffnessMatrix, asked: &Receiver<Question>) {
 
 fn serve(a: &StiffnessMatrix, asked: &Receiver<Question>) -> Result<(), SolveError> {
     let analysed = Solver::default().analyse(a, &Silent)?;
-    let factor = analysed.factor(a, &Silent)?;
-    let all: Vec<u32> = (0..factor.nodes() as u32).collect();
-    while let Ok(question) = asked.recv() {
-        // Who does not wait any more needs no answer.
-        let _ = match question {
-            Question::Fields(b, answer) => {
-                let solved = factor.solve(&b, &Silent).map(|(x, _)| x);
-                answer.send(solved.map_err(|error| error.to_string())).is_ok()
+    let mut first = None;
+    loop {
+        let factor = analysed.factor(a, &Silent)?;
+        loop {
+            let Some(question) = first.take().or_else(|| asked.recv().ok()) else { return Ok(()) };
+            match question {
+                Question::Rest => break,
+                question => answer(&*factor, question),
             }
-            Question::At(nodes, b, asked, answer) => {
-                let solved = factor.solve_at(&nodes, &b, asked.as_ref().unwrap_or(&all));
-                answer.send(solved.map_err(|error| error.to_string())).is_ok()
-            }
-            Question::Points(nodes, answer) => {
-                answer.send(points(&*factor, &nodes, &all).map_err(|error| error.to_string())).is_ok()
-            }
-        };
+        }
+        drop(factor);
+        while first.as_ref().is_none_or(|question| matches!(question, Question::Rest)) {
+            let Ok(question) = asked.recv() else { return Ok(()) };
+            first = Some(question);
+        }
     }
-    Ok(())
+}
+
+fn answer(factor: &dyn Factor, question: Question) {
+    let all = || (0..factor.nodes() as u32).collect::<Vec<u32>>();
+    // Who does not wait any more needs no answer.
+    let _ = match question {
+        Question::Rest | Question::Wake => true,
+        Question::Fields(b, answer) => {
+            let solved = factor.solve(&b, &Silent).map(|(x, _)| x);
+            answer.send(solved.map_err(|error| error.to_string())).is_ok()
+        }
+        Question::At(nodes, b, asked, answer) => {
+            let solved = factor.solve_at(&nodes, &b, &asked.unwrap_or_else(all));
+            answer.send(solved.map_err(|error| error.to_string())).is_ok()
+        }
+        Question::Points(nodes, answer) => {
+            answer.send(points(factor, &nodes, &all()).map_err(|error| error.to_string())).is_ok()
+        }
+    };
 }
 
 fn points(factor: &dyn Factor, nodes: &[u32], all: &[u32]) -> Result<Vec<PointField>, SolveError> {

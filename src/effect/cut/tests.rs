@@ -1,4 +1,4 @@
-use super::base::{Base, Tables};
+use super::base::Tables;
 use super::fallen::Fallen;
 use super::opened::{Cuttable, Known, Shape};
 use crate::fem::dense_fields::products;
@@ -9,6 +9,7 @@ use crate::mesh::{Block, Surface, TetMesh, block, edges_of, quality};
 use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -96,12 +97,17 @@ fn as_mesh(volume: &Volume, split: &Split) -> (TetMesh, Vec<Lame>) {
 }
 
 /// Columns and handle stiffness against the cut body assembled and solved anew: a slit, a second one that crosses it, and one through a
-/// control element.
+/// control element; from the whole body, and each from a new base with the slits before.
 #[test]
 fn a_cut_body_is_the_body_solved_anew() {
     let volume = bar([8, 4, 3]);
     let cuttable = cuttable(&volume);
+    [false, true].into_iter().for_each(|renews| slits_are_solved_anew(&volume, &cuttable, renews));
+}
+
+fn slits_are_solved_anew(volume: &Volume, cuttable: &Cuttable, renews: bool) {
     let (mut cut, mut known) = (CutEdges::new(), Known::default());
+    let mut base = cuttable.base.clone();
     let slits = [
         (V3::new(1.0, 0.2, 0.0), 0.013, 0.03),
         (V3::new(0.3, 0.1, 1.0), 0.004, 0.02),
@@ -116,11 +122,11 @@ fn a_cut_body_is_the_body_solved_anew() {
         for (edge, share) in more {
             cut.insert(edge, share);
         }
-        let split = cuttable.split(&cut, &cuttable.base);
+        let split = cuttable.split(&cut, &base);
         let points = cuttable.of.splitter.surface(&split, &cut);
-        let opened = cuttable.open(&cuttable.base, &known, (&split, &points)).unwrap();
-        let (mesh, lame) = as_mesh(&volume, &split);
-        let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(&volume));
+        let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
+        let (mesh, lame) = as_mesh(volume, &split);
+        let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(volume));
         let largest = fields.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
         let columns = &opened.surface.columns;
         let mut apart = 0.0_f64;
@@ -150,8 +156,9 @@ fn a_cut_body_is_the_body_solved_anew() {
         let forces = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
         let softer = 1.0 - opened.surface.stiffness[(0, 0)] / cuttable.base.tables.stiffness[(0, 0)];
         println!(
-            "{} copies: columns {:e}, places {off:e} m, stiffness {forces:e}, equations {:e}, softer by {softer:.3}",
+            "{} copies, {} of them beyond: columns {:e}, places {off:e} m, stiffness {forces:e}, equations {:e}, softer by {softer:.3}",
             split.copies.len(),
+            opened.known.count(),
             apart / largest,
             opened.error
         );
@@ -159,6 +166,10 @@ fn a_cut_body_is_the_body_solved_anew() {
         assert!(apart < 5e-7 * largest && off < 1e-7, "{apart:e} of {largest}, {off:e} m");
         assert!(split.copies.len() > 5 && softer > 0.0);
         known = opened.known;
+        if renews {
+            assert!(known.count() < split.copies.len() || base.edges == 0);
+            (base, known) = (cuttable.cut_base(Arc::new(split), cut.len()).unwrap(), Known::default());
+        }
     }
 }
 
@@ -210,22 +221,32 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
 }
 
 /// Columns of the compliance at nodes of the old surface, of the cut, and at the end of the slit, against the cut body assembled and solved
-/// anew; the bits of one do not depend on what is asked for with it.
+/// anew; the bits of one do not depend on what is asked for with it. From the whole body, and from a base with half of the slit.
 #[test]
 fn a_cut_surface_yields_like_that_of_the_body_solved_anew() {
     let volume = bar([8, 4, 3]);
     let cuttable = cuttable(&volume);
+    [false, true].into_iter().for_each(|renews| surface_yields(&volume, &cuttable, renews));
+}
+
+fn surface_yields(volume: &Volume, cuttable: &Cuttable, renews: bool) {
     let (low, high) = quality::bounding_box(&volume.mesh.nodes);
     let middle = (low + high) * 0.5;
     let n = V3::new(1.0, 0.2, 0.3);
     let cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y - 0.02);
-    let split = cuttable.split(&cut, &cuttable.base);
-    let points = cuttable.of.splitter.surface(&split, &cut).points;
-    let opened = cuttable
-        .open(&cuttable.base, &Known::default(), (&split, &cuttable.of.splitter.surface(&split, &cut)))
-        .unwrap();
+    let mut base = cuttable.base.clone();
+    if renews {
+        let half = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y + 0.02);
+        let split = Arc::new(cuttable.split(&half, &base));
+        base = cuttable.cut_base(split, half.len()).unwrap();
+    }
+    let split = cuttable.split(&cut, &base);
+    let surface = cuttable.of.splitter.surface(&split, &cut);
+    let points = &surface.points;
+    let opened = cuttable.open(&base, &Known::default(), (&split, &surface)).unwrap();
+    assert!(opened.known.count() > 5 && (opened.known.count() < split.copies.len()) == renews);
     let compliance = opened.surface.compliance.unwrap();
-    let (mesh, lame) = as_mesh(&volume, &split);
+    let (mesh, lame) = as_mesh(volume, &split);
     let k = Element::assemble(&TET4, &mesh, &lame).unwrap();
     let partition = Partition::new(mesh.nodes.len(), volume.held.iter().flatten().copied());
     let a = partition.a(&k);
@@ -315,7 +336,7 @@ fn work(forces: &DMatrix<f64>, fields: &NodeFields) -> DMatrix<f64> {
 }
 
 /// A block whose far end is cut off, and a slit beside what is left: it is the body solved anew without that end, under gravity too. Held are
-/// its left end and some nodes below.
+/// its left end and some nodes below. Then the same from bases without the end, and with the slit.
 #[test]
 fn what_falls_off_is_no_part_of_the_body_any_more() {
     let mut volume = bar([8, 4, 3]);
@@ -336,16 +357,28 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
     let tables = Tables { stiffness, weight: Some(weight), takes_points: true };
     let cuttable = Cuttable::new(volume.clone(), &["a", "b"], middle, tables).unwrap();
     let n = V3::new(1.0, 0.2, 0.3);
-    let mut cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |_| true);
-    let mut known = Known::default();
-    for more in
-        [CutEdges::new(), by_plane(&volume.mesh, V3::x(), middle.x - 0.031, |x| x.y > middle.y + 0.01)]
-    {
+    let through = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |_| true);
+    let slit = by_plane(&volume.mesh, V3::x(), middle.x - 0.031, |x| x.y > middle.y + 0.01);
+    let (mut cut, mut known, mut base) = (CutEdges::new(), Known::default(), cuttable.base.clone());
+    // From the whole body, and from bases that have lost the end, or have the slit, or both.
+    let both: CutEdges = through.iter().chain(&slit).map(|(edge, share)| (*edge, *share)).collect();
+    for (before, more) in [
+        (None, &through),
+        (None, &slit),
+        (Some(&through), &slit),
+        (Some(&slit), &through),
+        (Some(&both), &both),
+    ] {
+        if let Some(before) = before {
+            cut.clone_from(before);
+            let split = Arc::new(cuttable.split(&cut, &cuttable.base));
+            (base, known) = (cuttable.cut_base(split, cut.len()).unwrap(), Known::default());
+        }
         cut.extend(more);
-        let split = cuttable.split(&cut, &cuttable.base);
+        let split = cuttable.split(&cut, &base);
         assert_eq!(split.loose.len(), 1);
         let points = cuttable.of.splitter.surface(&split, &cut);
-        let opened = cuttable.open(&cuttable.base, &known, (&split, &points)).unwrap();
+        let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
         let (mesh, lame, numbers) = held_mesh(&volume, &split);
         let held: Vec<Vec<u32>> =
             volume.held.iter().map(|nodes| nodes.iter().map(|node| numbers[node]).collect()).collect();
@@ -388,7 +421,11 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
         }
         let largest = |of: &NodeFields| of.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
         let apart = [apart[0] / largest(&fields), apart[1] / largest(&sunk)];
-        println!("{} copies: forces off by {errors:?}, columns by {apart:?}", split.copies.len());
+        println!(
+            "{} copies, {} beyond: forces off by {errors:?}, columns by {apart:?}",
+            split.copies.len(),
+            opened.known.count()
+        );
         assert!(errors.iter().all(|error| *error < 5e-13), "{errors:?}");
         assert!(apart.iter().all(|apart| *apart < 2e-7), "{apart:?}");
         // What has fallen off takes no forces and is not drawn.
@@ -437,4 +474,61 @@ fn a_piece_of_one_tetrahedron_comes_off() {
     assert!(pieces.len() == 1 && pieces[0].nodes == [node] && changed < 3e-11);
     assert!(off.abs() < 2e-15, "{} kg of {mass} kg", pieces[0].mass());
     assert!(opened.error < 1e-12, "{:e}", opened.error);
+}
+
+#[test]
+#[ignore]
+fn measure_temporarily() {
+    use std::time::Instant;
+    let c: u32 = std::env::var("CELLS").unwrap().parse().unwrap();
+    let gate: usize = std::env::var("GATE").unwrap().parse().unwrap();
+    let mesh = block(&Block { size: [0.2, 0.1, 0.1], cells: [2 * c, c, c] }).unwrap();
+    println!("{} nodes", mesh.nodes.len());
+    let lame = vec![Lame::from_young_poisson(1e5, 0.4); mesh.tets.len()];
+    let held = ["xmin", "xmax"].map(|group| mesh.groups[group].clone()).to_vec();
+    let surface = Surface::from_mesh(&mesh).nodes;
+    let forces = DMatrix::zeros(3 * mesh.nodes.len(), 0);
+    let volume = Volume { element: &TET4, mesh, lame, held, surface, forces, density: Vec::new() };
+    let tables = Tables { stiffness: DMatrix::zeros(24, 24), weight: None, takes_points: true };
+    let at = Instant::now();
+    let cuttable = Cuttable::new(volume.clone(), &["a", "b"], V3::zeros(), tables).unwrap();
+    cuttable.base.whole().unwrap();
+    println!("factor and columns {:?}", at.elapsed());
+    let (mut known, mut base) = (Known::default(), cuttable.base.clone());
+    let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+    let steps: usize = std::env::var("STEPS").unwrap().parse().unwrap();
+    for k in 1..=steps {
+        let y = high.y - (high.y - low.y) * k as f64 / steps as f64;
+        let cut = by_plane(&volume.mesh, V3::x(), 0.5 * (low.x + high.x) + 0.0013, |x| x.y > y);
+        let at = Instant::now();
+        let split = cuttable.split(&cut, &base);
+        let of_split = at.elapsed();
+        let at = Instant::now();
+        let points = cuttable.of.splitter.surface(&split, &cut);
+        let of_surface = at.elapsed();
+        let at = Instant::now();
+        let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
+        let of_open = at.elapsed();
+        let at = Instant::now();
+        let compliance = opened.surface.compliance.unwrap();
+        let some: Vec<u32> = compliance.nodes().iter().copied().skip(100).take(3).collect();
+        compliance.columns(&some).unwrap();
+        let of_columns = at.elapsed();
+        let at = Instant::now();
+        compliance.columns(&some).unwrap();
+        println!(
+            "{k}: {} edges, {} copies, {} beyond: split {of_split:?}, surface {of_surface:?}, open {of_open:?}, 3 points {of_columns:?}, again {:?}",
+            cut.len(),
+            split.copies.len(),
+            opened.known.count(),
+            at.elapsed()
+        );
+        known = opened.known;
+        if known.count() > gate {
+            let at = Instant::now();
+            base = cuttable.cut_base(Arc::new(split), cut.len()).unwrap();
+            known = Known::default();
+            println!("base {:?}", at.elapsed());
+        }
+    }
 }
