@@ -393,21 +393,21 @@ impl CutBody {
             self.renewal = renewal.or_else(|| self.renewal.take());
             return;
         }
-        let edges = renewal.as_ref().map_or(self.state.base.0.edges, |renewal| renewal.edges);
-        let is_far = self.cut.len() - edges > frames::MOST_EDGES;
-        if is_far && self.renewal.is_some() {
+        let base = renewal.as_ref().map_or(self.state.base.0.edges, |renewal| renewal.edges);
+        let beyond = self.cut.len() - base;
+        let new = if renewal.is_some() { beyond } else { self.more.len() };
+        let of_step = frames::of_step(self.free(), new, self.pressed.len());
+        let of_base = frames::of_base(self.free());
+        let is_long = of_step > of_base || beyond > frames::MOST_EDGES;
+        if is_long && self.renewal.is_some() {
             return;
         }
-        let from = match renewal {
-            _ if is_far => From::Itself(self.steps.len() + 1),
-            Some(renewal) => From::Renewed(renewal),
-            None => From::Before,
+        let (from, left) = match renewal {
+            _ if is_long => (From::Itself(self.steps.len() + 1), of_base),
+            Some(renewal) => (From::Renewed(renewal), of_step),
+            None => (From::Before, of_step),
         };
         let step = std::mem::take(&mut self.more);
-        let left = match is_far {
-            true => frames::of_base(self.free()),
-            false => frames::of_step(self.free(), step.len()),
-        };
         let asked = (step, self.cut.clone(), self.pressed.clone());
         self.opening = Some(Opening::begin(&self.whole, &self.state, asked, from, left));
     }
