@@ -132,7 +132,7 @@ impl Base {
     }
 }
 
-/// What is held of a mesh in pieces: nodes and their shares of each tetrahedron or piece, and the tetrahedron.
+/// Tetrahedra and pieces that are held: the nodes of each, their shares, and the tetrahedron.
 fn members<'a>(of: &'a Matter, split: &'a Split) -> impl Iterator<Item = ([u32; 4], [f64; 4], u32)> + 'a {
     let mut is_gone = vec![false; of.splitter.mesh.tets.len()];
     split.loose.iter().flat_map(|part| &part.tets).for_each(|tet| is_gone[*tet as usize] = true);
@@ -143,7 +143,7 @@ fn members<'a>(of: &'a Matter, split: &'a Split) -> impl Iterator<Item = ([u32; 
     whole.chain(held.map(|piece| (piece.nodes, piece.shares, piece.tet)))
 }
 
-/// What is held of a mesh in pieces as a mesh of its own: each piece a tetrahedron with that share of its material's stiffness.
+/// Mesh of all that is held, each piece a tetrahedron with that share of its material's stiffness.
 fn as_mesh(of: &Matter, split: &Split) -> (TetMesh, Vec<Lame>) {
     let mut mesh = TetMesh::default();
     mesh.nodes.clone_from(&of.splitter.mesh.nodes);

@@ -297,7 +297,7 @@ impl CutBody {
     }
 
     /// Gives back the memory of all factors but the present one. Not in the first step from a new base: the frame may still need the one before.
-    fn rest_others(&self) {
+    pub(super) fn rest_others(&self) {
         let others = self.strokes.iter().map(|(_, state)| &state.base.0).chain([&self.whole.cuttable.base]);
         let others = others.filter(|base| !Arc::ptr_eq(base, &self.state.base.0));
         others.for_each(|base| base.fields.solves.rest());

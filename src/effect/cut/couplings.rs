@@ -102,7 +102,7 @@ pub struct FreeRows {
 }
 
 impl FreeRows {
-    /// These rows, with the place of each node of the base among the free ones.
+    /// Keeps the blocks of rows at free nodes, with the place of each node of the base among the free ones.
     pub fn new<'a>(rows: impl Iterator<Item = &'a Row> + Clone, free_at: &[Option<u32>]) -> FreeRows {
         let free = |row: &'a Row| {
             row.iter().filter_map(|(node, block)| Some((free_at[*node as usize]?, *block))).collect()

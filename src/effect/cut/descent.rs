@@ -12,7 +12,7 @@ pub struct Descent {
     pub base: Vec<Option<u32>>,
     /// Number of each copy among those that move beyond their nodes of the base.
     pub beyond: Vec<Option<usize>>,
-    /// Those, by their numbers in the split, each with what moves as its node of the base does.
+    /// Numbers of these copies in the split, each with the node or copy that moves as its node of the base does.
     pub copies: Vec<(u32, u32)>,
     /// Nodes of the base with which each piece moves; `None` of one that had fallen off it.
     pub pieces: Vec<Option<[u32; 4]>>,

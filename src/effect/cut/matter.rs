@@ -1,4 +1,4 @@
-//! What a body is made of and where it is held, whatever is cut.
+//! Mesh, materials and control elements of a body, whatever is cut.
 //!
 //! In: the volume of a .green file. Out: its mesh with materials and masses, and the motions that its control elements prescribe.
 

@@ -51,11 +51,11 @@ pub struct State {
 
 /// The base from which the body after a step is found.
 pub enum From {
-    /// That of the body before.
+    /// The base of the body before.
     Before,
     /// Another one, which is worked out.
     Renewed(Renewal),
-    /// That of the body itself, of which this is the number of its steps.
+    /// The body itself, after so many steps.
     Itself(usize),
 }
 

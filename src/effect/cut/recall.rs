@@ -1,4 +1,4 @@
-//! What lasts of a body that blades cut, and how it goes on from that.
+//! Memory of a body that blades cut, as a part of a session's state.
 //!
 //! In: a body. Out: its steps, and what is being worked out. In: such a memory. Out: the body with the same bits.
 
@@ -203,6 +203,7 @@ impl CutBody {
             self.steps.push(step);
             begins(self);
         }
+        self.rest_others();
         if self.strokes.len() != strokes.len() {
             return Err(format!("body.{}: its strokes are those of another cut", self.whole.name));
         }

@@ -262,3 +262,30 @@ fn a_part_on_an_edge_is_not_held() {
         assert_eq!(split.loose[0].corners(&split), [0, 1, 2, 3].map(|k| (1, k)));
     }
 }
+
+/// Two planes that cross: the pieces within one of the first cut have its shares together, which without it they have not.
+#[test]
+fn pieces_share_out_what_an_earlier_one_had() {
+    let mesh = a_block();
+    let splitter = Splitter::new(mesh.clone());
+    let held = vec![Some(0); mesh.nodes.len()];
+    let mut cut = by_plane(&mesh, V3::new(1.0, 0.3, 0.2), 0.013, &|_| true);
+    let first = splitter.split(&cut, &held, &Split::default());
+    cut.extend(by_plane(&mesh, V3::new(-0.2, 1.0, 0.3), 0.007, &|_| true));
+    let off = |earlier: &Split| {
+        let split = splitter.split(&cut, &held, earlier);
+        let mut most = 0.0_f64;
+        for whole in &first.pieces {
+            let own = &split.pieces[split.pieces_of(whole.tet).unwrap()];
+            let within = own.iter().filter(|piece| (0..4).all(|k| whole.own[k] || !piece.own[k]));
+            let mut left = whole.shares;
+            within.for_each(|piece| (0..4).for_each(|k| left[k] -= piece.shares[k]));
+            assert!(own.iter().all(|piece| piece.shares.iter().all(|share| *share > 0.0)));
+            most = left.iter().fold(most, |most, left| most.max(left.abs()));
+        }
+        most
+    };
+    let [with, without] = [&first, &Split::default()].map(off);
+    println!("off by {with:e}, without the first {without:e}");
+    assert!(with < 1e-15 && without > 1e-3, "{with:e}, {without:e}");
+}
