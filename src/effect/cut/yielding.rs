@@ -22,7 +22,7 @@ type V3 = Vector3<f64>;
 
 /// Nodes whose columns are solved together. There are always so many, some of them empty, so that the bits of one do not depend on the
 /// others.
-const TOGETHER: usize = 8;
+const TOGETHER: usize = 4;
 
 /// A node's part in a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
