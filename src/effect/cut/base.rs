@@ -125,7 +125,7 @@ impl Base {
         if let Some(whole) = self.whole.get() {
             return Ok(whole);
         }
-        let free = self.fields.solve(self.loads.clone())?;
+        let free = self.fields.solves.solve(self.loads.clone())?;
         let mut fields = self.prescribed.clone();
         self.partition.insert_free(&free, &mut fields);
         Ok(self.whole.get_or_init(|| Arc::new(fields)))

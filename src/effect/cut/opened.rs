@@ -339,7 +339,7 @@ fn solve_copies(base: &Base, known: &Known, couplings: &Couplings, all: &FreeRow
         let own = FreeRows::new(some.iter().map(|i| &rows[*i]), &base.free_at);
         let unit = -DMatrix::<f64>::identity(3 * some.len(), 3 * some.len());
         let b = own.minus_transposed(&unit, 3 * some.len());
-        let product = all.times(&base.fields.solve_at(own.at, b, Some(all.at.clone()))?);
+        let product = all.times(&base.fields.solves.solve_at(own.at, b, Some(all.at.clone()))?);
         for (k, j) in some.iter().enumerate() {
             for i in 0..keys.len() {
                 let block = product.fixed_view::<3, 3>(3 * i, 3 * k);
@@ -362,7 +362,7 @@ fn opened_fields(
     if rows.count() == 0 {
         return Ok(fields);
     }
-    let beyond = base.fields.solve_at(rows.at.clone(), rows.minus_transposed(w, w.ncols()), None)?;
+    let beyond = base.fields.solves.solve_at(rows.at.clone(), rows.minus_transposed(w, w.ncols()), None)?;
     for (free, node) in base.partition.free.iter().enumerate() {
         for axis in 0..3 {
             let own = fields.row_mut(3 * *node as usize + axis);

@@ -4,7 +4,6 @@
 //! kept.
 
 use super::solves::{PointField, Solves};
-use crate::fem::NodeFields;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
@@ -23,21 +22,6 @@ pub struct PointFields {
 impl PointFields {
     pub fn new(solves: Solves, free: usize) -> PointFields {
         PointFields { solves, free, kept: Mutex::default() }
-    }
-
-    /// A⁻¹ b.
-    pub fn solve(&self, b: NodeFields) -> Result<NodeFields, String> {
-        self.solves.solve(b)
-    }
-
-    /// A⁻¹ b at the nodes asked, or at all, with b at these nodes, ascending, and zero at all others.
-    pub fn solve_at(
-        &self,
-        nodes: Vec<u32>,
-        b: NodeFields,
-        asked: Option<Vec<u32>>,
-    ) -> Result<NodeFields, String> {
-        self.solves.solve_at(nodes, b, asked)
     }
 
     /// The fields of these free nodes.

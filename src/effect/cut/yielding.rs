@@ -9,12 +9,11 @@
 
 use super::base::Base;
 use super::couplings::FreeRows;
-use super::solves::PointField;
 use super::system::System;
 use crate::fem::NodeFields;
 use crate::green::{SolvedCompliance, Yield};
 use nalgebra::{DMatrix, Vector3};
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -50,11 +49,12 @@ pub struct Yielding {
     pub taking: Vec<u32>,
 }
 
-/// Forces along x, y and z at a point of the surface, and the answer of the copies.
+/// Unit forces along x, y and z at some points, and the answer to them.
 struct Pressed {
-    fields: Vec<(PointField, f64)>,
-    /// v of each force, 3 copies × 3.
+    /// v, 3 copies × 3 for each point.
     v: DMatrix<f64>,
+    /// u at the free nodes that have a part in the surface.
+    u: NodeFields,
 }
 
 impl Yielding {
@@ -67,25 +67,52 @@ impl Yielding {
         self.base.free_at.get(node as usize).copied().flatten()
     }
 
-    /// G A⁻¹ f.
+    /// G A⁻¹ f of fields at all free nodes.
     fn lifted(&self, field: &NodeFields) -> DMatrix<f64> {
         let x = |place: usize, axis| field.row(3 * self.rows.at[place] as usize + axis);
         self.rows.times_at(&x, field.columns)
     }
 
-    fn press(&self, point: u32, known: &BTreeMap<u32, PointField>) -> Pressed {
-        let mut fields = Vec::new();
-        let mut b = DMatrix::zeros(3 * self.rows.count(), 3);
-        for Corner { node, copy, share } in self.corners(point) {
-            if let Some(copy) = copy {
-                (0..3).for_each(|axis| b[(3 * copy + axis, axis)] += share);
-            }
-            if let Some(field) = self.free(*node).and_then(|free| known.get(&free)) {
-                b -= self.lifted(field) * *share;
-                fields.push((field.clone(), *share));
+    /// Presses [`TOGETHER`] points at most, and finds u at the free nodes `shown`.
+    fn press(&self, points: &[u32], shown: &[u32]) -> Result<Pressed, String> {
+        let (columns, solves) = (3 * TOGETHER, &self.base.fields.solves);
+        let corners = |point: &u32| self.corners(*point).iter();
+        let pressed = points.iter().flat_map(corners).filter_map(|corner| self.free(corner.node));
+        let at: Vec<u32> = pressed.collect::<BTreeSet<u32>>().into_iter().collect();
+        let all: BTreeSet<u32> = at.iter().chain(&self.rows.at).copied().collect();
+        let all: Vec<u32> = all.into_iter().collect();
+        let place = |free: u32, of: &[u32]| of.partition_point(|other| *other < free);
+        let mut f = NodeFields::zeros(at.len(), columns);
+        let mut v = DMatrix::zeros(3 * self.rows.count(), columns);
+        for (k, Corner { node, copy, share }) in
+            points.iter().enumerate().flat_map(|(k, point)| corners(point).map(move |corner| (k, corner)))
+        {
+            for axis in 0..3 {
+                copy.iter().for_each(|copy| v[(3 * copy + axis, 3 * k + axis)] += share);
+                if let Some(free) = self.free(*node) {
+                    f.row_mut(3 * place(free, &at) + axis)[3 * k + axis] += share;
+                }
             }
         }
-        Pressed { fields, v: self.system.solve(&b).0 }
+        let mut b = NodeFields::zeros(all.len(), columns);
+        let mut add = |of: &[u32], more: &NodeFields| {
+            for (from, free) in of.iter().enumerate() {
+                for axis in 0..3 {
+                    let sums = b.row_mut(3 * place(*free, &all) + axis).iter_mut();
+                    sums.zip(more.row(3 * from + axis)).for_each(|(sum, more)| *sum += more);
+                }
+            }
+        };
+        add(&at, &f);
+        if self.rows.count() > 0 {
+            v -= self.rows.times(&solves.solve_at(at, f, Some(self.rows.at.clone()))?);
+            for k in 0..points.len() {
+                let own = self.system.solve(&v.columns(3 * k, 3).into_owned()).0;
+                v.columns_mut(3 * k, 3).copy_from(&own);
+            }
+            add(&self.rows.at, &self.rows.minus_transposed(&v, columns));
+        }
+        Ok(Pressed { v, u: solves.solve_at(all, b, Some(shown.to_vec()))? })
     }
 
     /// The free nodes that have a part in the surface, ascending.
@@ -97,37 +124,15 @@ impl Yielding {
         shown
     }
 
-    /// -A⁻¹ Gᵀ v of these at these free nodes.
-    fn beyond(&self, pressed: &[Pressed], shown: &[u32]) -> Result<NodeFields, String> {
-        let columns = 3 * TOGETHER;
-        if self.rows.count() == 0 {
-            return Ok(NodeFields::zeros(shown.len(), columns));
-        }
-        let v = DMatrix::from_fn(3 * self.rows.count(), columns, |i, j| {
-            pressed.get(j / 3).map_or(0.0, |pressed| pressed.v[(i, j % 3)])
-        });
-        let b = self.rows.minus_transposed(&v, columns);
-        self.base.fields.solve_at(self.rows.at.clone(), b, Some(shown.to_vec()))
-    }
-
-    /// The displacement of a point of the surface by axis, for a force along each axis.
-    fn moved(
-        &self,
-        corners: &Corners,
-        pressed: &Pressed,
-        (shown, beyond, first): (&[u32], &NodeFields, usize),
-    ) -> [[f32; 3]; 3] {
+    /// The displacement of a point of the surface by axis, for a force along each axis at the pressed point of this number.
+    fn moved(&self, corners: &Corners, pressed: &Pressed, (shown, number): (&[u32], usize)) -> [[f32; 3]; 3] {
         let mut u = [[0.0_f64; 3]; 3];
         for Corner { node, copy, share } in corners {
             if let Some(copy) = copy {
-                add(&mut u, |axis, force| share * pressed.v[(3 * copy + axis, force)]);
+                add(&mut u, |axis, force| share * pressed.v[(3 * copy + axis, 3 * number + force)]);
             }
-            let Some(free) = self.free(*node) else { continue };
-            for (field, part) in &pressed.fields {
-                add(&mut u, |axis, force| share * part * field.row(3 * free as usize + axis)[force]);
-            }
-            if let Ok(at) = shown.binary_search(&free) {
-                add(&mut u, |axis, force| share * beyond.row(3 * at + axis)[first + force]);
+            if let Some(at) = self.free(*node).and_then(|free| shown.binary_search(&free).ok()) {
+                add(&mut u, |axis, force| share * pressed.u.row(3 * at + axis)[3 * number + force]);
             }
         }
         u.map(|row| row.map(|u| u as f32))
@@ -153,7 +158,7 @@ impl Yielding {
         if self.rows.count() > 0 {
             let (v, _) = self.system.solve(&-self.lifted(&pressed));
             let b = self.rows.minus_transposed(&v, 1);
-            let beyond = self.base.fields.solve_at(self.rows.at.clone(), b, None)?;
+            let beyond = self.base.fields.solves.solve_at(self.rows.at.clone(), b, None)?;
             pressed.data.iter_mut().zip(&beyond.data).for_each(|(u, beyond)| *u += beyond);
         }
         Ok(pressed.data)
@@ -172,15 +177,12 @@ impl SolvedCompliance for Yielding {
     }
 
     fn columns(&self, nodes: &[u32]) -> Result<Vec<Yield>, String> {
-        let corners = nodes.iter().flat_map(|point| self.corners(*point));
-        let known = self.base.fields.at(corners.filter_map(|corner| self.free(corner.node)))?;
         let shown = self.shown();
         let mut columns = Vec::new();
         for some in nodes.chunks(TOGETHER) {
-            let pressed: Vec<Pressed> = some.iter().map(|point| self.press(*point, &known)).collect();
-            let beyond = self.beyond(&pressed, &shown)?;
-            for (k, pressed) in pressed.iter().enumerate() {
-                let of = |corners: &Corners| self.moved(corners, pressed, (&shown, &beyond, 3 * k));
+            let pressed = self.press(some, &shown)?;
+            for number in 0..some.len() {
+                let of = |corners: &Corners| self.moved(corners, &pressed, (&shown, number));
                 columns.push(self.surface.iter().map(of).collect());
             }
         }
