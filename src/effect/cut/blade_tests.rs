@@ -1,188 +1,15 @@
-//! Blades in a world: whole cuts, slits, pieces that fall off, and cuts that go on from a state.
+//! Blades in a world: whole cuts, slits, the force of cutting, and cuts that go on from a state.
 
 use super::blade::Sweep;
-use super::opened::LEAST_FRAMES;
+use super::operated::{BOTH, Operated, file, parsed, scene, text};
 use crate::deform::ControlPose;
-use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile};
+use crate::effect::Resolved;
 use crate::interact::Action;
 use crate::render::Drawable;
-use crate::scene::Color;
-use crate::solve::Silent;
-use crate::stage::Stage;
-use crate::track::{StylusState, TrackerState};
-use crate::world::{Highlight, Input, World};
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::Vector3;
 use std::path::Path;
-use std::sync::Arc;
 
 type V3 = Vector3<f64>;
-
-/// A block about the origin with a blade in the hand, whose edge lies along z.
-struct Operated {
-    world: World,
-    frame: usize,
-}
-
-fn scene(controls: &str, keys: &str) -> Result<Resolved, String> {
-    parsed(&text(controls, keys, ""))
-}
-
-fn text(controls: &str, keys: &str, tools: &str) -> String {
-    format!(
-        "{tools}[tool.scalpel]\nshape = {{ blade = {{ length = 0.2, width = 0.02 }} }}\nstylus = 1\n\
-         [body.b]\n\
-         generate = {{ block = {{ size = [0.3, 0.1, 0.06], cells = [9, 4, 3] }} }}\n\
-         material = {{ young = 1.0e5, poisson = 0.3, density = 1000.0 }}\n\
-         {}place = {{ position = [0.0, 0.0, 0.0], scale = 1.0 }}\n{keys}\n{controls}",
-        if keys.starts_with("effects") { "" } else { "effects = [\"cut\"]\n" }
-    )
-}
-
-fn parsed(text: &str) -> Result<Resolved, String> {
-    let scene = Resolved::parse(text, Path::new("cut.toml"));
-    scene.and_then(|scene| scene.requirements("b").map(|_| scene)).map_err(|error| error.to_string())
-}
-
-const BOTH: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
-                    control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-const ONE: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
-
-fn file(scene: &Resolved) -> Arc<GreenFile> {
-    let required = scene.requirements("b").unwrap();
-    let made = precompute(scene, "b", &required, None, &Silent).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("b.green");
-    green::write(&path, &[made]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
-}
-
-/// A stylus whose tip is at this place; it points along -z.
-fn stylus(tip: &V3) -> StylusState {
-    StylusState {
-        room_from_stylus: Isometry3::from(Translation3::from(*tip)).cast(),
-        ..StylusState::default()
-    }
-}
-
-impl Operated {
-    fn new(scene: &Resolved, file: &Arc<GreenFile>) -> Operated {
-        let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-        let effects = attach(EFFECTS, scene, file, &mut world).unwrap();
-        world.join(effects).unwrap();
-        Operated { world, frame: 0 }
-    }
-
-    fn of(controls: &str, keys: &str) -> Operated {
-        let scene = scene(controls, keys).unwrap();
-        Operated::new(&scene, &file(&scene))
-    }
-
-    /// Moves the tip to this place.
-    fn put(&mut self, tip: V3) {
-        self.step(&[tip]);
-    }
-
-    /// Moves the tips of both styli.
-    fn put_both(&mut self, blade: V3, probe: V3) {
-        self.step(&[blade, probe]);
-    }
-
-    /// A command, with the tip at this place.
-    fn act(&mut self, action: Action, tip: V3) {
-        self.step_with(&[tip], vec![action]);
-    }
-
-    fn step(&mut self, tips: &[V3]) {
-        self.step_with(tips, Vec::new());
-    }
-
-    fn step_with(&mut self, tips: &[V3], actions: Vec<Action>) {
-        self.step_styli(tips.iter().map(stylus).collect(), actions);
-    }
-
-    fn step_styli(&mut self, styli: Vec<StylusState>, actions: Vec<Action>) {
-        self.frame += 1;
-        let time_s = self.frame as f64 / 60.0;
-        let trackers = TrackerState { head: None, styli, time_s };
-        self.world.step(&Input { actions, ..trackers.into() });
-    }
-
-    /// Goes from one place to another in so many frames, and stays there until the body has opened.
-    fn pass(&mut self, from: V3, to: V3, frames: usize) {
-        (0..=frames).for_each(|k| self.put(from.lerp(&to, k as f64 / frames as f64)));
-        self.wait(to);
-    }
-
-    /// Lets two steps of a cut be worked out.
-    fn wait(&mut self, tip: V3) {
-        (0..2 * LEAST_FRAMES).for_each(|_| self.put(tip));
-    }
-
-    /// Moves the right end by this way from now on.
-    fn hold(&mut self, by: V3) {
-        let field = *self.world.fields.bodies[0].poses.last().unwrap();
-        self.world.graph.restore(field, ControlPose { translation: by, ..ControlPose::REST });
-    }
-
-    /// Place of the deformer's nodes in the room; the block stands at the origin.
-    fn places(&self) -> Vec<V3> {
-        let deformer = &self.world.bodies[0].deformer;
-        let turn = deformer.body_from_surface();
-        deformer
-            .positions()
-            .iter()
-            .map(|x| turn * nalgebra::Point3::from(V3::from(x.map(f64::from))))
-            .map(|x| x.coords)
-            .collect()
-    }
-
-    /// The largest depth of a node within a ball, m.
-    fn within_ball(&self, centre: V3, radius: f64) -> f64 {
-        self.places().iter().map(|x| radius - (x - centre).norm()).fold(0.0, f64::max)
-    }
-
-    /// The lowest displacement along y of a node on top near this x.
-    fn lowest_beside(&self, x: f64) -> f64 {
-        let deformer = &self.world.bodies[0].deformer;
-        let is_near = |i: &usize| {
-            let at = deformer.rest()[*i].map(f64::from);
-            (at[0] - x).abs() < 0.02 && at[1] > 0.049
-        };
-        let near = (0..deformer.node_count()).filter(is_near);
-        near.map(|i| deformer.displacement(i).y).fold(0.0, f64::min)
-    }
-
-    fn nodes(&self) -> usize {
-        self.world.bodies[0].deformer.node_count()
-    }
-
-    /// Middles of the pieces that have fallen off.
-    fn pieces(&self) -> Vec<V3> {
-        let own = self.world.bodies[0].assets.color;
-        let colors = [own, Highlight::Hovered.color(), Highlight::Held.color()].map(Color::linear);
-        let formed = self.world.frame.drawables.iter().filter_map(|drawable| match drawable {
-            Drawable::Formed(formed) if colors.contains(&formed.color) => Some(formed.room_from_shape),
-            _ => None,
-        });
-        formed.map(|m| V3::new(m.m14.into(), m.m24.into(), m.m34.into())).collect()
-    }
-
-    /// Whether nothing was told but that the block is large for a desk.
-    fn is_quiet(&self) -> bool {
-        self.world.warnings.iter().all(|(_, warning)| warning.starts_with("body.b.place"))
-    }
-
-    /// Displacements of all nodes, by their places at rest, while the right end is moved so.
-    fn moved(&mut self, right: ControlPose) -> Vec<(V3, V3)> {
-        let deformer = &mut self.world.bodies[0].deformer;
-        let mut poses = vec![ControlPose::REST; deformer.controls.len()];
-        *poses.last_mut().unwrap() = right;
-        deformer.evaluate(&poses);
-        let at = |i: usize| V3::from(deformer.rest()[i].map(f64::from));
-        (0..deformer.node_count()).map(|i| (at(i), deformer.displacement(i))).collect()
-    }
-}
 
 /// A block that is cut in two by a blade that comes from above: each half moves with its own end alone, and the ends pull no more.
 #[test]
@@ -270,127 +97,6 @@ fn a_second_pass_cuts_nothing_more() {
     assert!(operated.nodes() > once && operated.is_quiet(), "{:?}", operated.world.warnings);
 }
 
-/// A blade through a block that is held at one end alone, under gravity: the other half comes off and falls by g t²/2, and a world that takes
-/// the state meanwhile goes on with the same bits. What is left weighs half as much. Undo joins both.
-#[test]
-fn what_nothing_holds_falls_off() {
-    let scene = parsed(&text(ONE, "gravity = true", "").replace("1.0e5", "1.0e12")).unwrap();
-    let file = file(&scene);
-    let mut first = Operated::new(&scene, &file);
-    let weight = |operated: &Operated| operated.world.bodies[0].deformer.wrenches().unwrap().0[0].force.y;
-    let at = f64::from(0.011_f32);
-    let (above, below) = (V3::new(at, 0.08, -0.1), V3::new(at, -0.08, -0.1));
-    first.put(above);
-    let before = weight(&first);
-    let came_off = (0..30).position(|k| {
-        first.put(above.lerp(&below, f64::from(k.min(16)) / 16.0));
-        !first.pieces().is_empty()
-    });
-    assert!(came_off.is_some());
-    // The piece's middle, between the cut and the end.
-    let start = V3::new(0.5 * (at + 0.15), 0.0, 0.0);
-    let off = (first.pieces()[0] - start).norm();
-    println!("comes off {off:e} m beside its place");
-    assert!(off < 1e-7, "{off}");
-    let left = weight(&first) / before;
-    println!("weight off by {:e}", left - (at + 0.15) / 0.3);
-    assert!((left - (at + 0.15) / 0.3).abs() < 8e-10, "{left}");
-    let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
-    let mut second = Operated::new(&scene, &file);
-    second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
-    second.frame = first.frame;
-    for k in 1..=30 {
-        [&mut first, &mut second].into_iter().for_each(|operated| operated.put(below));
-        assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {k}");
-        let t = f64::from(k) / 60.0;
-        let expected = start - V3::y() * (0.5 * 9.80665 * t * t);
-        let off = (first.pieces()[0] - expected).norm();
-        assert!(off < 3e-7, "{off} m after {t} s");
-    }
-    assert!(first.is_quiet(), "{:?}", first.world.warnings);
-    first.act(Action::Undo, below);
-    first.wait(below);
-    assert!(first.pieces().is_empty() && (weight(&first) / before - 1.0).abs() < 1e-12);
-    first.act(Action::Redo, below);
-    first.wait(below);
-    assert_eq!(first.pieces().len(), 1);
-}
-
-/// A piece without gravity stays where it came off; with contact and gravity it lands on the floor.
-#[test]
-fn what_falls_off_lands_on_the_floor() {
-    let floor = "[tool.floor]\nshape = \"floor\"\nposition = [0.0, -0.1, 0.0]\n";
-    let contact = "effects = [\"cut\", \"contact\"]\n";
-    for (keys, height) in [(contact.to_owned(), 0.0), (format!("{contact}gravity = true\n"), -0.05)] {
-        let scene = parsed(&text(ONE, &keys, floor).replace("1.0e5", "1.0e12")).unwrap();
-        let mut operated = Operated::new(&scene, &file(&scene));
-        operated.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
-        (0..120).for_each(|_| operated.put(V3::new(0.3, 0.2, -0.1)));
-        let pieces = operated.pieces();
-        assert_eq!(pieces.len(), 1);
-        println!(
-            "{keys}: lies at {} m, {:e} and {:e} off",
-            pieces[0].y,
-            pieces[0].y - height,
-            pieces[0].x - 0.0805
-        );
-        assert!((pieces[0].y - height).abs() < 7e-9 && (pieces[0].x - 0.0805).abs() < 8e-8, "{}", pieces[0]);
-    }
-}
-
-/// A hand takes the piece that its ray hits, carries it, presses it onto the floor, which stops it, and throws it: it flies on with the hand's
-/// speed. A world that takes the state while it is carried goes on with the same bits.
-#[test]
-fn a_hand_carries_a_piece_and_throws_it() {
-    let tools = "[tool.floor]\nshape = \"floor\"\nposition = [0.0, -0.1, 0.0]\n";
-    let keys = "effects = [\"cut\", \"contact\"]\ngravity = true\n";
-    let scene = parsed(&text(ONE, keys, tools).replace("1.0e5", "1.0e12")).unwrap();
-    let file = file(&scene);
-    let mut first = Operated::new(&scene, &file);
-    first.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
-    let away = stylus(&V3::new(-0.3, 0.3, -0.1));
-    let grasp = V3::new(0.1, -0.04, 0.2);
-    let hand = |by: V3, pressed: bool| StylusState { pressed, ..stylus(&(grasp + by)) };
-    let frames = |operated: &mut Operated, count: usize, hand: StylusState| {
-        (0..count).for_each(|_| operated.step_styli(vec![away, hand], Vec::new()));
-    };
-    frames(&mut first, 60, hand(V3::zeros(), false));
-    let lies = first.pieces()[0];
-    let mut second = Operated::new(&scene, &file);
-    let mut most = 0.0_f64;
-    for k in 0..=30 {
-        let by = V3::y() * (0.01 * f64::from(k));
-        frames(&mut first, 1, hand(by, true));
-        most = most.max((first.pieces()[0] - lies - by).norm());
-        if k == 15 {
-            let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
-            second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
-            second.frame = first.frame;
-        } else if k > 15 {
-            frames(&mut second, 1, hand(by, true));
-            assert_eq!(first.world.state_hash(), second.world.state_hash(), "frame {k}");
-        }
-    }
-    println!("carried, {most:e} m off");
-    assert!(most < 1e-7, "{most:e}");
-    let (thrown, speed) = (first.pieces()[0], 0.6);
-    let mut most = 0.0_f64;
-    for k in 1..=12 {
-        frames(&mut first, 1, hand(V3::y() * 0.3, false));
-        let t = f64::from(k) / 60.0;
-        let expected = thrown + V3::y() * (speed * t - 0.5 * 9.80665 * t * t);
-        most = most.max((first.pieces()[0] - expected).norm());
-    }
-    println!("thrown, {most:e} m off");
-    assert!(most < 1e-6, "{most:e}");
-    frames(&mut first, 90, hand(V3::zeros(), false));
-    frames(&mut first, 1, hand(V3::zeros(), true));
-    (1..=30).for_each(|k| frames(&mut first, 1, hand(V3::y() * (-0.01 * f64::from(k)), true)));
-    let pressed = first.pieces()[0];
-    println!("pressed onto the floor: {:e} m off", pressed.y - lies.y);
-    assert!((pressed.y - lies.y).abs() < 1e-12, "{pressed}");
-}
-
 /// A state in the middle of a cut: another world that takes it goes on with the same bits.
 #[test]
 fn a_cut_goes_on_from_a_state() {
@@ -413,7 +119,7 @@ fn a_cut_goes_on_from_a_state() {
     }
     // Edges that this body does not have, and cuts off an edge's end.
     let edges = first.world.effects[0].memory().unwrap().get().to_owned();
-    let at = edges.find("\"steps\":[[[[").unwrap() + "\"steps\":[[[[".len();
+    let at = edges.find("\"steps\":[{\"edges\":[[[").unwrap() + "\"steps\":[{\"edges\":[[[".len();
     let pair = &edges[at..at + edges[at..].find(']').unwrap()];
     let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
     let broken = state.replacen(&format!("[[{pair}]"), "[[0,0]", 1);
@@ -566,29 +272,6 @@ fn cutting_takes_toughness_times_area() {
     println!("{work} J of 0.6 J, {:e} off, {} J of them done", work - 0.6, resistance(&operated)[1]);
     assert!((work - 0.6).abs() < 3e-15 && resistance(&operated)[1] > 0.5, "{work} J");
     assert!(operated.world.effects[0].summary().contains("J of work"));
-}
-
-/// Gravity on a block that is cut in two beside its middle: each end carries the weight of its half, about the half's own centre of mass.
-#[test]
-fn each_end_carries_the_weight_of_its_half() {
-    // So stiff that it does not sag: a blade that comes down passes a plane of the block at rest.
-    let scene = parsed(&text(BOTH, "gravity = true", "").replace("1.0e5", "1.0e12")).unwrap();
-    let mut operated = Operated::new(&scene, &file(&scene));
-    // A tracker's numbers are f32.
-    let at = f64::from(0.011_f32);
-    operated.pass(V3::new(at, 0.08, -0.1), V3::new(at, -0.08, -0.1), 16);
-    assert!(operated.is_quiet(), "{:?}", operated.world.warnings);
-    let (wrenches, _) = operated.world.bodies[0].deformer.wrenches().unwrap();
-    // 1000 kg/m³ · 0.1 m · 0.06 m, from -0.15 and from 0.15 to the cut.
-    let per_length = 1000.0 * 0.1 * 0.06 * 9.80665;
-    for (wrench, (end, length)) in wrenches.iter().zip([(-0.15, at + 0.15), (0.15, 0.15 - at)]) {
-        let weight = per_length * length;
-        let middle = 0.5 * (end + at);
-        let expected = V3::new(0.0, 0.0, (middle - end) * weight);
-        println!("{} N of {weight}, {} N m of {}", wrench.force.y, wrench.moment.z, expected.z);
-        assert!((wrench.force - V3::new(0.0, weight, 0.0)).norm() < 1e-10 * weight, "{:?}", wrench.force);
-        assert!((wrench.moment - expected).norm() < 2e-11 * weight, "{:?}", wrench.moment);
-    }
 }
 
 /// A ball that presses the lip of a cut, while the cut grows: the surface goes round it in every frame, and a world that takes the state in

@@ -1,14 +1,15 @@
 //! A body that blades cut, from frame to frame: its steps, the one that is being worked out, and what can be taken back.
 
+use super::base::Tables;
 use super::blade::Swept;
 use super::fallen::{Fallen, Falling};
-use super::landing::Motion;
-use super::opened::{Cuttable, Moved, Shape, Tables};
-use super::opening::{CutStep, Opening, State, Whole};
+use super::frames;
+use super::opened::{Cuttable, Moved, Shape};
+use super::opening::{CutStep, Edges, From, Opening, Renewal, State, Whole};
 use super::resistance::{Passed, Resistance};
 use crate::deform::{AppliedLoads, Deformer, Pull};
 use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
-use crate::mesh::split::{CutEdges, Split, TetCorner};
+use crate::mesh::split::CutEdges;
 use crate::world::World;
 use crate::world::dissipation::Dissipation;
 use nalgebra::{Point3, Similarity3, Vector3};
@@ -23,7 +24,7 @@ pub struct CutBody {
     /// Index in the world.
     pub b: usize,
     pub whole: Whole,
-    edges: Vec<[u32; 2]>,
+    pub(super) edges: Vec<[u32; 2]>,
     /// The body as it is cut now.
     pub state: State,
     /// Motion that belongs to the surface which the world has.
@@ -31,18 +32,20 @@ pub struct CutBody {
     /// Points of that surface that are pressed.
     pressed: Vec<u32>,
     /// Steps in which it was cut; the last bits of the columns depend on them.
-    steps: Vec<CutStep>,
+    pub(super) steps: Vec<CutStep>,
     /// The next step, which is being worked out.
-    opening: Option<Opening>,
+    pub(super) opening: Option<Opening>,
+    /// The next base, which is being worked out.
+    pub(super) renewal: Option<Renewal>,
     /// Edges that blades have passed since that step began, and all that are or will be cut.
-    more: CutStep,
-    cut: CutEdges,
+    pub(super) more: Edges,
+    pub(super) cut: CutEdges,
     /// Number of steps at the beginning of each stroke of the blades, and the body there.
-    strokes: Vec<(usize, State)>,
+    pub(super) strokes: Vec<(usize, State)>,
     /// Edges of the strokes that were taken back, the last ones last.
-    undone: Vec<CutStep>,
+    pub(super) undone: Vec<Edges>,
     /// Pieces that have fallen off.
-    fallen: Vec<Fallen>,
+    pub(super) fallen: Vec<Fallen>,
     pub is_felt: bool,
     /// Whether it is heard, and the work of the blades in the frame if it is.
     pub is_heard: bool,
@@ -53,11 +56,11 @@ pub struct CutBody {
     /// Resistance to each blade, where cutting takes force.
     pub resistances: Vec<Resistance>,
     /// Shape in the last frame.
-    seen: Option<Seen>,
+    pub(super) seen: Option<Seen>,
     /// Places of all nodes in a shape, and the motion with which they were found.
     placed: Option<(Seen, Arc<Moved>, Vec<V3>)>,
     /// Motion with which the last frame ended.
-    last: Arc<Moved>,
+    pub(super) last: Arc<Moved>,
     /// The file that has the new surface, until the world takes it.
     remade: Option<Arc<GreenFile>>,
 }
@@ -82,36 +85,6 @@ struct Force {
     force: V3,
 }
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BodyMemory {
-    steps: Vec<CutStep>,
-    opening: Option<Begun>,
-    more: CutStep,
-    strokes: Vec<usize>,
-    undone: Vec<CutStep>,
-    fallen: Vec<Piece>,
-    resistances: Vec<Resistance>,
-    seen: Option<Seen>,
-}
-
-/// A piece that has fallen off: its lowest corner of a tetrahedron, and its motion.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Piece {
-    corner: TetCorner,
-    motion: Motion,
-}
-
-/// A step that is being worked out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Begun {
-    step: CutStep,
-    /// Frames until it is taken.
-    left: u32,
-}
-
 impl CutBody {
     /// A body of this toughness, J/m², that so many blades cut, and whether hands with a force device feel it.
     pub fn new(
@@ -134,7 +107,7 @@ impl CutBody {
         let whole = Whole { name: name.to_owned(), file, cuttable };
         let state = whole.state()?;
         let edges = whole.cuttable.edges();
-        let nodes = &whole.cuttable.splitter.mesh.nodes;
+        let nodes = &whole.cuttable.of.splitter.mesh.nodes;
         let long = |[a, b]: &[u32; 2]| (nodes[*a as usize] - nodes[*b as usize]).norm();
         let length = edges.iter().map(long).sum::<f64>() / edges.len().max(1) as f64;
         Ok(CutBody {
@@ -153,7 +126,8 @@ impl CutBody {
             whole,
             steps: Vec::new(),
             opening: None,
-            more: CutStep::new(),
+            renewal: None,
+            more: Edges::new(),
             cut: CutEdges::new(),
             strokes: Vec::new(),
             undone: Vec::new(),
@@ -242,7 +216,7 @@ impl CutBody {
 
     /// Area of the cuts through the tetrahedra around an edge, m², where cutting takes force.
     fn area_around(&self, edge: [u32; 2], cut: &CutEdges) -> f64 {
-        let splitter = &self.whole.cuttable.splitter;
+        let splitter = &self.whole.cuttable.of.splitter;
         let around = splitter.tets_around(edge[0]).iter().filter(|_| self.toughness > 0.0);
         around.map(|tet| splitter.cut_area(*tet, cut)).sum()
     }
@@ -279,6 +253,9 @@ impl CutBody {
 
     /// Takes the step that was worked out, if this is its frame. The error says what stays uncut, and why.
     pub fn arrive(&mut self) -> Result<(), String> {
+        if let Some(renewal) = &mut self.renewal {
+            renewal.left = renewal.left.saturating_sub(1);
+        }
         let Some(mut opening) = self.opening.take() else { return Ok(()) };
         opening.left -= 1;
         if opening.left > 0 {
@@ -295,7 +272,11 @@ impl CutBody {
             Ok(state) => {
                 let came_off = self.come_off(&state);
                 self.go_to(state);
+                if self.steps.last().is_some_and(|last| last.base == step.base) {
+                    self.rest_others();
+                }
                 self.steps.push(step);
+                self.renew();
                 came_off
             }
             Err(message) => {
@@ -306,14 +287,35 @@ impl CutBody {
         }
     }
 
+    /// Begins to work out a new base, where the present one has too many copies beyond it.
+    fn renew(&mut self) {
+        if self.renewal.is_none() && self.state.known.count() > frames::MOST_COPIES {
+            let sizes = [self.steps.len(), self.state.cut.len()];
+            let left = frames::of_base(self.free());
+            self.renewal = Some(Renewal::begin(&self.whole, &self.state.split, sizes, left));
+        }
+    }
+
+    /// Gives back the memory of all factors but the present one. Not in the first step from a new base: the frame may still need the one before.
+    pub(super) fn rest_others(&self) {
+        let others = self.strokes.iter().map(|(_, state)| &state.base.0).chain([&self.whole.cuttable.base]);
+        let others = others.filter(|base| !Arc::ptr_eq(base, &self.state.base.0));
+        others.for_each(|base| base.fields.solves.rest());
+    }
+
+    /// Number of free nodes of the mesh.
+    pub(super) fn free(&self) -> usize {
+        self.whole.cuttable.base.partition.free.len()
+    }
+
     /// Adds the pieces that this state has and the present one has not, where the body shows them now.
     fn come_off(&mut self, state: &State) -> Result<(), String> {
         let mut pieces = Fallen::all(&self.whole.cuttable, (&state.split, &state.cut), &self.state.split);
         let Some(seen) = self.seen.clone().filter(|_| !pieces.is_empty()) else { return Ok(()) };
         let places = self.places(&seen, &self.state.moved)?;
-        let mesh = &self.whole.cuttable.splitter.mesh;
+        let mesh = &self.whole.cuttable.of.splitter.mesh;
         for piece in &mut pieces {
-            let rest = |node: usize| mesh.nodes[node] - self.whole.cuttable.centre;
+            let rest = |node: usize| mesh.nodes[node] - self.whole.cuttable.of.centre;
             let of = |node: &u32| (rest(*node as usize), places[*node as usize]);
             let own: Vec<(V3, V3)> = piece.nodes.iter().map(of).collect();
             piece.put(&own, &seen.room_from_columns);
@@ -338,7 +340,7 @@ impl CutBody {
         Some((self.b, file))
     }
 
-    fn go_to(&mut self, state: State) {
+    pub(super) fn go_to(&mut self, state: State) {
         if !Arc::ptr_eq(&state.file, &self.state.file) {
             self.state.file.forget_columns(&self.whole.name);
             self.remade = Some(state.file.clone());
@@ -348,7 +350,7 @@ impl CutBody {
 
     /// Whether nothing is being worked out, or waits for it.
     pub fn is_idle(&self) -> bool {
-        self.opening.is_none() && self.more.is_empty()
+        self.opening.as_ref().is_none_or(|opening| opening.step.edges.is_empty()) && self.more.is_empty()
     }
 
     /// Takes note that a stroke begins.
@@ -360,13 +362,15 @@ impl CutBody {
     /// Takes back the last stroke.
     pub fn undo(&mut self) {
         let Some((steps, state)) = self.strokes.pop() else { return };
-        let mut undone: CutStep = self.steps.split_off(steps).into_iter().flatten().collect();
-        undone.extend(self.opening.take().map(|opening| opening.step).unwrap_or_default());
+        let mut undone: Edges = self.steps.split_off(steps).into_iter().flat_map(|step| step.edges).collect();
+        undone.extend(self.opening.take().map(|opening| opening.step.edges).unwrap_or_default());
         undone.append(&mut self.more);
         self.undone.push(undone);
+        self.renewal = self.renewal.take().filter(|renewal| renewal.at <= steps);
         self.cut.clone_from(&state.cut);
         self.fallen.retain(|piece| state.split.is_loose_at(piece.corner));
         self.last = state.moved.clone();
+        state.base.0.fields.solves.wake();
         self.go_to(state);
     }
 
@@ -382,126 +386,47 @@ impl CutBody {
         Ok(())
     }
 
-    /// Begins the next step, unless one is being worked out.
+    /// Begins the next step, unless one is being worked out; one with too many copies beyond its base waits for the next base, or makes one.
     pub fn begin(&mut self) {
-        if self.opening.is_none() && !self.more.is_empty() {
-            let step = std::mem::take(&mut self.more);
-            let left = self.whole.cuttable.frames(step.len());
-            let asked = (step, self.cut.clone(), self.pressed.clone());
-            self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
+        let renewal = self.renewal.take_if(|renewal| renewal.left == 0);
+        if self.opening.is_some() || (self.more.is_empty() && renewal.is_none()) {
+            self.renewal = renewal.or_else(|| self.renewal.take());
+            return;
         }
-    }
-
-    pub fn remember(&self) -> BodyMemory {
-        let begun = |opening: &Opening| Begun { step: opening.step.clone(), left: opening.left };
-        BodyMemory {
-            steps: self.steps.clone(),
-            opening: self.opening.as_ref().map(begun),
-            more: self.more.clone(),
-            strokes: self.strokes.iter().map(|(steps, _)| *steps).collect(),
-            undone: self.undone.clone(),
-            fallen: self
-                .fallen
-                .iter()
-                .map(|piece| Piece { corner: piece.corner, motion: piece.motion })
-                .collect(),
-            resistances: self.resistances.clone(),
-            seen: self.seen.clone(),
+        let base = renewal.as_ref().map_or(self.state.base.0.edges, |renewal| renewal.edges);
+        let beyond = self.cut.len() - base;
+        let new = if renewal.is_some() { beyond } else { self.more.len() };
+        let of_step = frames::of_step(self.free(), new, self.pressed.len());
+        let of_base = frames::of_base(self.free());
+        let is_long = of_step > of_base || beyond > frames::MOST_EDGES;
+        if is_long && self.renewal.is_some() {
+            return;
         }
-    }
-
-    /// Goes on from a memory. After an error the body is whole.
-    pub fn restore(&mut self, memory: BodyMemory) -> Result<(), String> {
-        self.seen.clone_from(&memory.seen);
-        if memory.resistances.len() != self.resistances.len() {
-            return Err(format!("body.{}: its cuts take another toughness", self.whole.name));
-        }
-        self.resistances.clone_from(&memory.resistances);
-        if memory == self.remember() {
-            return Ok(());
-        }
-        let gone = self.go_through(memory);
-        if gone.is_err() {
-            self.close()?;
-        }
-        self.last = self.state.moved.clone();
-        gone
-    }
-
-    /// Makes the body whole again.
-    fn close(&mut self) -> Result<(), String> {
-        let whole = self.whole.state()?;
-        self.go_to(whole);
-        (self.steps, self.opening) = (Vec::new(), None);
-        (self.more, self.cut) = (CutStep::new(), CutEdges::new());
-        (self.strokes, self.undone) = (Vec::new(), Vec::new());
-        self.fallen.clear();
-        Ok(())
-    }
-
-    fn go_through(&mut self, memory: BodyMemory) -> Result<(), String> {
-        let BodyMemory { steps, opening, more, strokes, undone, fallen, .. } = memory;
-        if steps != self.steps || strokes != self.remember().strokes {
-            self.close()?;
-            let last = steps.len();
-            let begins = |body: &mut CutBody| {
-                let at = body.steps.len();
-                let here = strokes.iter().filter(|begin| **begin == at);
-                body.strokes.extend(here.map(|begin| (*begin, body.state.clone())));
-            };
-            begins(self);
-            let mut before = Split::default();
-            for step in steps {
-                self.add_all(&step)?;
-                let (cut, at) = (self.cut.clone(), self.steps.len() + 1);
-                let split = self.whole.cuttable.split(&cut);
-                let mut pieces = Fallen::all(&self.whole.cuttable, (&split, &cut), &before);
-                self.fallen.append(&mut pieces);
-                if at == last || strokes.contains(&at) {
-                    let state = self.whole.cut(&self.state, cut, &[])?;
-                    self.go_to(state);
-                } else {
-                    let known = self.whole.cuttable.follow(&self.state.known, &split)?;
-                    self.state.known = Arc::new(known);
-                }
-                before = split;
-                self.steps.push(step);
-                begins(self);
-            }
-            if self.strokes.len() != strokes.len() {
-                return Err(format!("body.{}: its strokes are those of another cut", self.whole.name));
-            }
-        }
-        self.undone = undone;
-        let is_known =
-            fallen.iter().map(|piece| piece.corner).eq(self.fallen.iter().map(|piece| piece.corner));
-        if !is_known || !fallen.iter().all(|piece| piece.motion.is_finite()) {
-            return Err(format!("body.{}: the pieces that have fallen off it are others", self.whole.name));
-        }
-        self.fallen.iter_mut().zip(fallen).for_each(|(own, piece)| own.motion = piece.motion);
-        self.opening = None;
-        self.cut.clone_from(&self.state.cut);
-        if let Some(Begun { step, left }) = opening {
-            self.add_all(&step)?;
-            let left = left.clamp(1, self.whole.cuttable.frames(step.len()));
-            let asked = (step, self.cut.clone(), Vec::new());
-            self.opening = Some(Opening::begin(&self.whole, &self.state, asked, left));
-        }
-        self.add_all(&more)?;
-        self.more = more;
-        Ok(())
+        let (from, left) = match renewal {
+            _ if is_long => (From::Itself(self.steps.len() + 1), of_base),
+            Some(renewal) => (From::Renewed(renewal), of_step),
+            None => (From::Before, of_step),
+        };
+        let step = std::mem::take(&mut self.more);
+        let asked = (step, self.cut.clone(), self.pressed.clone());
+        self.opening = Some(Opening::begin(&self.whole, &self.state, asked, from, left));
     }
 
     /// Adds edges to the cut. The error says that they are none of this body.
-    fn add_all(&mut self, step: &[([u32; 2], f64)]) -> Result<(), String> {
+    pub(super) fn add_all(&mut self, step: &[([u32; 2], f64)]) -> Result<(), String> {
         let mut cut = std::mem::take(&mut self.cut);
         for (edge, share) in step {
             let is_edge = self.edges.binary_search(edge).is_ok() && *share > 0.0 && *share < 1.0;
             if !is_edge || cut.insert(*edge, *share).is_some() {
-                return Err(format!("body.{}: its cut is that of another body", self.whole.name));
+                return Err(self.is_other());
             }
         }
         self.cut = cut;
         Ok(())
+    }
+
+    /// The error of a memory that does not fit the body.
+    pub(super) fn is_other(&self) -> String {
+        format!("body.{}: its cut is that of another body", self.whole.name)
     }
 }

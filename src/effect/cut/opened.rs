@@ -1,96 +1,73 @@
-//! The columns of a cut body, from the factor of the whole one.
+//! The columns of a cut body, from the factor of a base: the whole body, or it as it was cut before.
 //!
-//! In: a body with its affine columns U, factor A and handle stiffness S, and a [`Split`]. Out: the columns and the stiffness of the cut
-//! body. With w the displacement of each copy beyond that of its node, a piece p of tetrahedron e, with its share φ of the volume, moves by
-//! u + J w, and the energy of the cut body is
+//! In: a base with its affine columns U, factor A and handle stiffness S, and a [`Split`]. Out: the columns and the stiffness of the cut
+//! body. With w the displacement of each copy beyond that of its node of the base, a piece p of tetrahedron e, with its share φ of the
+//! volume, moves by u + J w, and the energy of the cut body is
 //!
 //! ```text
 //! ½ uᵀK u + wᵀG u + ½ wᵀH w        G = Σ_p φ Jᵀ K_e        H = Σ_p φ Jᵀ K_e J
 //! ```
 //!
-//! since the shares of a tetrahedron add up to 1. From 0 = G u + H w and 0 = K u + Gᵀ w at the free nodes follow, with X = A⁻¹ Gᵀ,
+//! since the shares of all that becomes of a piece of the base add up to its own. From 0 = G u + H w and 0 = K u + Gᵀ w at the free nodes
+//! follow, with X = A⁻¹ Gᵀ,
 //!
 //! ```text
-//! (H - G X) W = -G U        U' = U - X W        S' = S + Wᵀ G U
+//! (H - G X) W = -G U        U' = U - A⁻¹ (Gᵀ W)        S' = S + Wᵀ G U
 //! ```
 //!
 //! with a column of W for each of U. Under gravity f at the nodes and g at the copies, W of its columns G' = A⁻¹f has g - G G' for -G U; what
 //! forces and energies need of both are entries of Wᵀ (g - G U), too. This is the augmented system of Y.-H. Yeung, J. Crouch and A. Pothen (ACM Transactions on Graphics
-//! 35(2), 2016), in which the copies stand in place of changed entries of K. A longer cut leaves most copies as they are: their X and G X
-//! are kept. G X is f64; X, of which only what is shown follows, is f32. What falls off is no part of the body any more ([`loose`]).
+//! 35(2), 2016), in which the copies stand in place of changed entries of K. A longer cut leaves most copies as they are: their G X is
+//! kept. When they are too many, the cut body gets a factor of its own and is the next base. What falls off is no part of the body any
+//! more ([`loose`]).
 
-use super::couplings::{CopyKey, Couplings, Row};
+use super::base::{Base, Tables};
+use super::couplings::{CopyKey, Couplings, FreeRows};
+use super::descent::Descent;
 use super::loose;
-use super::point_fields::PointFields;
-use super::solves::{Solves, TOGETHER};
+use super::matter::Matter;
+use super::solves::TOGETHER;
 use super::system::System;
-use super::yielding::{Corner, Corners, Rows, Yielding, apart};
+use super::yielding::{Corner, Corners, Yielding};
 use crate::base::machine;
-use crate::fem::{Element, Lame, NodeFields, Partition};
+use crate::fem::{Element, NodeFields};
 use crate::green::{ControlElement, FIELDS, NewSurface, NewWeight, SolvedCompliance, Volume};
 use crate::mesh::quality;
 use crate::mesh::split::{CutEdges, CutPoint, CutSurface, Split, Splitter};
-use faer::Mat;
-use nalgebra::{DMatrix, Matrix3, Vector3};
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, OnceLock};
+use nalgebra::{DMatrix, Vector3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 type V3 = Vector3<f64>;
-
-/// Frames that a step of a cut takes at least; free nodes of the mesh for which it takes one more, and edges times free nodes.
-pub const LEAST_FRAMES: u32 = 2;
-const NODES_A_FRAME: usize = 2000;
-const EDGES_A_FRAME: usize = 60_000;
-/// The most frames: where a step takes longer, the frame in which it is taken waits.
-const MOST_FRAMES: usize = 20;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
 
-/// The tables of a whole body.
-pub struct Tables {
-    /// Handle stiffness.
-    pub stiffness: DMatrix<f64>,
-    /// UᵀF and FᵀG of gravity, where it acts.
-    pub weight: Option<[DMatrix<f64>; 2]>,
-    /// Whether forces act at single nodes of the surface.
-    pub takes_points: bool,
-}
-
 /// A body that can be cut.
 pub struct Cuttable {
-    pub splitter: Splitter,
-    lame: Vec<Lame>,
-    pub(super) density: Vec<f64>,
-    /// Control element that holds each node.
-    held: Vec<Option<usize>>,
+    pub of: Matter,
+    /// The body as it is whole.
+    pub base: Arc<Base>,
     /// Node of the mesh of each node of the surface.
     surface: Vec<u32>,
     /// Node of the surface of each node of the mesh.
     surface_of: Vec<Option<u32>>,
-    /// Mesh coordinates of the origin of the .green file's lengths, m.
-    pub centre: V3,
-    pub(super) partition: Partition,
-    /// Place of each node among the free ones.
-    pub(super) free_at: Arc<Vec<Option<u32>>>,
-    pub(super) fields: Arc<PointFields>,
-    /// U and the columns of gravity over all nodes, once they are needed first.
-    whole: OnceLock<Arc<NodeFields>>,
-    /// Their right-hand sides.
-    loads: NodeFields,
-    prescribed: NodeFields,
-    pub(super) tables: Tables,
 }
 
 /// Data on the copies of a cut.
 #[derive(Default)]
 pub struct Known {
-    /// Number of each copy among `x` and in `gx`.
+    /// Number of each copy in `gx`.
     places: BTreeMap<CopyKey, usize>,
-    /// X of each, 3 free nodes × 3.
-    x: Vec<Arc<DMatrix<f32>>>,
     /// G X, 3 n × 3 n.
     gx: DMatrix<f64>,
+}
+
+impl Known {
+    /// Number of copies.
+    pub fn count(&self) -> usize {
+        self.places.len()
+    }
 }
 
 /// The cut body.
@@ -102,16 +79,18 @@ pub struct Opened {
     pub error: f64,
 }
 
-/// The motion of all nodes beyond that of the whole body.
+/// The motion of all nodes of a base.
 pub struct Moved {
-    /// U and the columns of gravity over all nodes where something has fallen off, without its weight.
-    whole: Option<Arc<NodeFields>>,
-    /// -X W at all free nodes, row after row; empty while nothing is cut.
-    beyond: Vec<f32>,
+    /// U' and the columns of gravity over them; `None` of the whole body.
+    fields: Option<NodeFields>,
     yielding: Arc<Yielding>,
 }
 
 impl Moved {
+    pub fn base(&self) -> &Arc<Base> {
+        &self.yielding.base
+    }
+
     /// The node of the mesh on whose side a point of the surface lies.
     pub fn node_of(&self, point: u32) -> Option<u32> {
         self.yielding.node_of(point)
@@ -132,9 +111,8 @@ impl Cuttable {
         centre: Vector3<f64>,
         tables: Tables,
     ) -> Result<Cuttable, String> {
-        let Volume { element, mesh, lame, held: of_controls, surface, forces, density } = volume;
+        let Volume { element, mesh, lame, held, surface, forces, density } = volume;
         let k = Element::assemble(element, &mesh, &lame).map_err(|error| error.to_string())?;
-        let count = mesh.nodes.len();
         let (weights, densities) = if tables.weight.is_some() { (3, mesh.tets.len()) } else { (0, 0) };
         if forces.ncols() != weights || density.len() != densities {
             return Err(
@@ -143,119 +121,73 @@ impl Cuttable {
             );
         }
         let (low, high) = quality::bounding_box(&mesh.nodes);
-        let affine = FIELDS * of_controls.len();
-        let mut prescribed = NodeFields::zeros(count, affine + forces.ncols());
-        for (e, (name, nodes)) in names.iter().zip(&of_controls).enumerate() {
-            let control = ControlElement::new(name, nodes.clone(), &mesh, (high - low).norm());
-            control.prescribe(&mesh.nodes, FIELDS * e, &mut prescribed);
-        }
-        let partition = Partition::new(count, of_controls.iter().flatten().copied());
-        let mut loads = partition.minus_b_times(&k, &prescribed);
-        let mut free_at = vec![None; count];
-        for (at, node) in (0..).zip(&partition.free) {
-            free_at[*node as usize] = Some(at);
-            for axis in 0..3 {
-                let row = &mut loads.row_mut(3 * at as usize + axis)[affine..];
-                row.iter_mut().zip(forces.row(3 * *node as usize + axis).iter()).for_each(|(to, f)| *to = *f);
-            }
-        }
-        let mut held = vec![None; count];
-        for (e, nodes) in of_controls.iter().enumerate() {
-            nodes.iter().for_each(|node| held[*node as usize] = Some(e));
-        }
-        let mut surface_of = vec![None; count];
+        let control =
+            |(name, nodes): (&&str, Vec<u32>)| ControlElement::new(name, nodes, &mesh, (high - low).norm());
+        let controls = names.iter().zip(held).map(control).collect();
+        let mut surface_of = vec![None; mesh.nodes.len()];
         (0..).zip(&surface).for_each(|(at, node)| surface_of[*node as usize] = Some(at));
-        let solves = Solves::start(partition.a(&k));
-        Ok(Cuttable {
-            fields: Arc::new(PointFields::new(solves, partition.free.len())),
-            splitter: Splitter::new(Arc::new(mesh)),
-            lame,
-            density,
-            held,
-            surface,
-            surface_of,
-            centre,
-            partition,
-            free_at: Arc::new(free_at),
-            whole: OnceLock::new(),
-            loads,
-            prescribed,
-            tables,
-        })
+        let of = Matter::new(Splitter::new(Arc::new(mesh)), lame, density, controls, centre);
+        let base = Arc::new(Base::whole_body(&of, &k, &forces, tables));
+        Ok(Cuttable { of, base, surface, surface_of })
     }
 
-    /// Handle stiffness of the whole body.
-    #[cfg(test)]
-    pub fn stiffness(&self) -> &DMatrix<f64> {
-        &self.tables.stiffness
-    }
-
-    /// U and the columns of gravity of the whole body over all nodes.
-    pub fn whole(&self) -> Result<&Arc<NodeFields>, String> {
-        if let Some(whole) = self.whole.get() {
-            return Ok(whole);
-        }
-        let free = self.fields.solve(self.loads.clone())?;
-        let mut fields = self.prescribed.clone();
-        self.partition.insert_free(&free, &mut fields);
-        Ok(self.whole.get_or_init(|| Arc::new(fields)))
-    }
-
-    /// Frames in which a step of a cut with so many edges is worked out in the background: as many as that should take, and the same in a
-    /// replay.
-    pub fn frames(&self, edges: usize) -> u32 {
-        let free = self.partition.free.len();
-        let frames = LEAST_FRAMES as usize + free / NODES_A_FRAME + edges * free / EDGES_A_FRAME;
-        frames.min(MOST_FRAMES) as u32
-    }
-
-    /// The mesh after these cuts.
-    pub fn split(&self, cut: &CutEdges) -> Split {
-        self.splitter.split(cut, &self.held)
+    /// The cut body as a base; waits for its factor.
+    pub fn cut_base(&self, split: Arc<Split>, edges: usize) -> Result<Arc<Base>, String> {
+        Base::cut_body(&self.of, (split, edges), &self.base.tables).map(Arc::new)
     }
 
     /// The motion of the body while it is whole: none beyond its own.
     pub fn unmoved(&self) -> Result<Moved, String> {
-        let surface = self.corners_of(&Split::default(), &CutSurface::default());
+        let (split, opened) = (Split::default(), CutSurface::default());
+        let descent = Descent::new(&self.of, &split, &split);
+        let surface = self.corners_of(&opened, &descent);
         let system = System::new(&DMatrix::zeros(0, 0), Vec::new())?;
-        let yielding = self.yielding(Vec::new(), system, (surface, &Split::default()), Rows::default());
-        Ok(Moved { whole: None, beyond: Vec::new(), yielding: Arc::new(yielding) })
+        let yielding = self.yielding((&self.base, system, FreeRows::default()), surface, (&split, &opened));
+        Ok(Moved { fields: None, yielding: Arc::new(yielding) })
     }
 
     fn yielding(
         &self,
-        x: Vec<Arc<DMatrix<f32>>>,
-        system: System,
-        (surface, split): (Vec<Corners>, &Split),
-        rows: Rows,
+        (base, system, rows): (&Arc<Base>, System, FreeRows),
+        surface: Vec<Corners>,
+        (split, opened): (&Split, &CutSurface),
     ) -> Yielding {
-        let moves = |corner: &Corner| corner.copy.is_some() || self.free_at[corner.node as usize].is_some();
-        let number = |corner: &Corner| match corner.copy {
-            None => corner.node,
-            Some(copy) => (self.splitter.mesh.nodes.len() + copy) as u32,
+        let moves = |corner: &Corner| corner.copy.is_some() || base.free_at[corner.node as usize].is_some();
+        let ends = self.surface.iter().map(|node| [*node; 2]);
+        let ends: Vec<[u32; 2]> = ends.chain(opened.points.iter().map(|point| point.nodes)).collect();
+        let takes = |(_, (ends, corners)): &(u32, (&[u32; 2], &Corners))| {
+            corners.iter().any(moves) && !ends.iter().any(|node| split.is_loose(*node))
         };
-        let takes = |(_, corners): &(u32, &Corners)| {
-            corners.iter().any(moves) && !corners.iter().any(|corner| split.is_loose(number(corner)))
+        let taking = (0..).zip(ends.iter().zip(&surface)).filter(takes).map(|(point, _)| point).collect();
+        let side = |ends: &[u32; 2]| {
+            let own = ends.iter().find(|node| (**node as usize) < self.of.nodes());
+            split.original(*own.unwrap_or(&ends[0]), self.of.nodes())
         };
-        let taking = (0..).zip(&surface).filter(takes).map(|(node, _)| node).collect();
-        let (fields, free_at) = (self.fields.clone(), self.free_at.clone());
-        Yielding { fields, free_at, x, system, surface, taking, rows }
+        let sides = ends.iter().map(side).collect();
+        Yielding { base: base.clone(), system, rows, surface, sides, taking }
     }
 
-    /// The body after cuts by which its mesh has fallen into these pieces, with what is known of an earlier cut. The error says why there is
-    /// none.
-    pub fn open(&self, known: &Known, split: &Split, opened: &CutSurface) -> Result<Opened, String> {
-        let lost = loose::lost(&self.splitter, split, |tet| self.mass(tet));
-        let whole = &self.whole_without(&lost)?;
-        let couplings = Couplings::new(&self.splitter, split, &self.lame, &self.density);
-        let known = self.solve_copies(known, &couplings.rows, couplings.keys.clone())?;
-        let acting = self.on_copies(&couplings, whole);
-        let free = loose::rigid_motions(&self.splitter, split);
+    /// The body after cuts by which its mesh has fallen into these pieces, from a base with what is known of an earlier cut. The error says
+    /// why there is none.
+    pub fn open(
+        &self,
+        base: &Arc<Base>,
+        known: &Known,
+        (split, opened): (&Split, &CutSurface),
+    ) -> Result<Opened, String> {
+        let descent = Descent::new(&self.of, split, &base.split);
+        let lost = loose::lost(&self.of, split, &base.split, &descent);
+        let whole = &*base.whole_without(&lost)?;
+        let couplings = Couplings::new(&self.of, split, &descent);
+        let rows = FreeRows::new(couplings.rows.iter(), &base.free_at);
+        let known = solve_copies(base, known, &couplings, &rows)?;
+        let affine = self.of.affine();
+        let acting = couplings.acting(whole, affine);
+        let free = loose::rigid_motions(&self.of, split, &descent);
         let system = System::new(&couplings.system(&known.gx), free)?;
         let (w, missed) = system.solve(&acting);
         let work = w.tr_mul(&acting);
-        let affine = self.tables.stiffness.nrows();
-        let stiffness = &self.tables.stiffness - work.view((0, 0), (affine, affine));
+        let stiffness = &base.tables.stiffness - work.view((0, 0), (affine, affine));
         let asymmetry = (&stiffness - stiffness.transpose()).amax() / stiffness.amax();
         let error = missed.max(asymmetry);
         if error.is_nan() || error > INEXACT {
@@ -263,12 +195,16 @@ impl Cuttable {
                 "the forces of the cut body could be wrong by a part of {error:.0e}, above {INEXACT:.0e}"
             ));
         }
-        let surface = self.corners_of(split, opened);
-        let beyond = apart(&known.x, &w, 3 * self.partition.free.len());
-        let columns = self.columns_of(whole, &surface, &beyond, &w);
-        let rows = if self.tables.takes_points { self.rows(&surface, &known.x) } else { Rows::default() };
-        let yielding = Arc::new(self.yielding(known.x.clone(), system, (surface, split), rows));
-        let weight = self.weight_without(&lost, [self.whole()?, whole]);
+        let surface = self.corners_of(opened, &descent);
+        let fields = opened_fields(base, whole, &rows, &w)?;
+        let columns = columns_of(&fields, &surface, &w);
+        let yielding = Arc::new(self.yielding((base, system, rows), surface, (split, opened)));
+        let nodes = &base.split.copies;
+        let place = |node: u32| {
+            let node = (node as usize).checked_sub(self.of.nodes()).map_or(node, |copy| nodes[copy]);
+            self.of.splitter.mesh.nodes[node as usize] - self.of.centre
+        };
+        let weight = base.weight_without(&lost, place, [base.whole()?, whole]);
         let weight = weight.map(|[reaction, compliance, lost]| NewWeight {
             columns: columns.columns(affine, 3).into_owned(),
             reaction: reaction + work.view((0, affine), (affine, 3)),
@@ -276,7 +212,7 @@ impl Cuttable {
             lost,
         });
         let of_points: Option<Arc<dyn SolvedCompliance>> =
-            if self.tables.takes_points { Some(yielding.clone()) } else { None };
+            if base.tables.takes_points { Some(yielding.clone()) } else { None };
         let surface = NewSurface {
             points: self.points_of(split, opened),
             triangles: self.triangles_of(split, opened)?,
@@ -286,182 +222,45 @@ impl Cuttable {
             weight,
             compliance: of_points,
         };
-        let whole = (!lost.is_empty()).then(|| whole.clone());
-        Ok(Opened { surface, moved: Moved { whole, beyond, yielding }, known, error })
-    }
-
-    /// g - G U: what acts on the copies while they move with their nodes.
-    fn on_copies(&self, couplings: &Couplings, whole: &NodeFields) -> DMatrix<f64> {
-        let mut acting = DMatrix::zeros(3 * couplings.rows.len(), whole.columns);
-        for (i, row) in couplings.rows.iter().enumerate() {
-            for (node, block) in row {
-                for axis in 0..3 {
-                    let u = whole.row(3 * *node as usize + axis);
-                    for (k, u) in u.iter().enumerate() {
-                        (0..3).for_each(|r| acting[(3 * i + r, k)] -= block[(r, axis)] * u);
-                    }
-                }
-            }
-            let affine = self.tables.stiffness.nrows();
-            let weights = (0..3).zip(affine..whole.columns);
-            weights.for_each(|(axis, k)| acting[(3 * i + axis, k)] += couplings.masses[i]);
-        }
-        acting
+        Ok(Opened { surface, moved: Moved { fields: Some(fields), yielding }, known, error })
     }
 
     /// Data on the copies after one more step on the way to a cut, as if the body had been opened there.
-    pub fn follow(&self, known: &Known, split: &Split) -> Result<Known, String> {
-        let Couplings { rows, keys, .. } = Couplings::new(&self.splitter, split, &self.lame, &[]);
-        self.solve_copies(known, &rows, keys)
-    }
-
-    /// X and G X of these copies, solved where they are not known.
-    fn solve_copies(&self, known: &Known, rows: &[Row], keys: Vec<CopyKey>) -> Result<Known, String> {
-        let before: Vec<Option<usize>> = keys.iter().map(|key| known.places.get(key).copied()).collect();
-        let missing: Vec<usize> = (0..keys.len()).filter(|i| before[*i].is_none()).collect();
-        let (free, copies) = (self.partition.free.len() as f64, keys.len() as f64);
-        let need = 72.0 * free * copies + 144.0 * missing.len() as f64 * free + 216.0 * copies * copies;
-        let of = format!("A cut with {copies} copies of nodes");
-        machine::fits(of, need, 0.0).map_err(|error| error.to_string())?;
-        let mut x = NodeFields::zeros(self.partition.free.len(), 3 * missing.len());
-        for (part, some) in missing.chunks(TOGETHER).enumerate() {
-            let own = self.solve_rows(some.iter().map(|i| &rows[*i]))?;
-            for row in 0..3 * x.nodes {
-                x.row_mut(row)[3 * TOGETHER * part..][..own.columns].copy_from_slice(own.row(row));
-            }
-        }
-        let mut gx = DMatrix::zeros(3 * keys.len(), 3 * keys.len());
-        for (i, was) in before.iter().enumerate() {
-            let Some(was) = was else { continue };
-            for (j, other) in before.iter().enumerate() {
-                let Some(other) = other else { continue };
-                let block = known.gx.fixed_view::<3, 3>(3 * was, 3 * other);
-                gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
-            }
-        }
-        for (i, row) in rows.iter().enumerate() {
-            let mut products = vec![Matrix3::<f64>::zeros(); missing.len()];
-            for (free, block) in self.free_blocks(row) {
-                let own: [&[f64]; 3] = std::array::from_fn(|axis| x.row(3 * free as usize + axis));
-                for (k, product) in products.iter_mut().enumerate() {
-                    *product += block * Matrix3::from_fn(|axis, other| own[axis][3 * k + other]);
-                }
-            }
-            for (j, product) in missing.iter().zip(products) {
-                gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&product);
-                gx.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&product.transpose());
-            }
-        }
-        let mut columns: Vec<Option<Arc<DMatrix<f32>>>> =
-            before.iter().map(|was| was.map(|was| known.x[was].clone())).collect();
-        for (k, i) in missing.iter().enumerate() {
-            let own = DMatrix::from_fn(3 * x.nodes, 3, |row, other| x.row(row)[3 * k + other] as f32);
-            columns[*i] = Some(Arc::new(own));
-        }
-        let places = keys.into_iter().zip(0..).collect();
-        Ok(Known { places, x: columns.into_iter().flatten().collect(), gx })
-    }
-
-    /// A⁻¹ Gᵀ of these rows of G.
-    fn solve_rows<'a>(
-        &self,
-        rows: impl ExactSizeIterator<Item = &'a Row> + Clone,
-    ) -> Result<NodeFields, String> {
-        let all = rows.clone().flat_map(|row| self.free_blocks(row).map(|(free, _)| free));
-        let loaded: Vec<u32> = all.collect::<BTreeSet<u32>>().into_iter().collect();
-        let mut b = NodeFields::zeros(loaded.len(), 3 * rows.len());
-        for (k, row) in rows.enumerate() {
-            for (free, block) in self.free_blocks(row) {
-                let at = loaded.partition_point(|other| *other < free);
-                for axis in 0..3 {
-                    let row = &mut b.row_mut(3 * at + axis)[3 * k..3 * k + 3];
-                    row.iter_mut().enumerate().for_each(|(other, to)| *to = block[(other, axis)]);
-                }
-            }
-        }
-        self.fields.solve_at(loaded, b)
-    }
-
-    /// The blocks of a row of G at free nodes.
-    fn free_blocks<'a>(&'a self, row: &'a Row) -> impl Iterator<Item = (u32, &'a Matrix3<f64>)> {
-        row.iter().filter_map(|(node, block)| Some((self.free_at[*node as usize]?, block)))
+    pub fn follow(&self, base: &Base, known: &Known, split: &Split) -> Result<Known, String> {
+        let couplings = Couplings::new(&self.of, split, &Descent::new(&self.of, split, &base.split));
+        solve_copies(base, known, &couplings, &FreeRows::new(couplings.rows.iter(), &base.free_at))
     }
 
     /// The nodes of which each point of the cut surface is the sum.
-    fn corners_of(&self, split: &Split, opened: &CutSurface) -> Vec<Corners> {
-        let count = self.splitter.mesh.nodes.len();
+    fn corners_of(&self, opened: &CutSurface, descent: &Descent) -> Vec<Corners> {
+        let count = self.of.nodes();
         let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
         let mut surface: Vec<Corners> = self.surface.iter().map(alone).collect();
         surface.extend(opened.points.iter().map(|point| {
             let shares = [1.0 - point.share, point.share];
-            let corner = |(node, share): (u32, f64)| Corner {
-                node: split.original(node, count),
-                copy: (node as usize).checked_sub(count),
-                share,
+            let corner = |(node, share): (u32, f64)| match (node as usize).checked_sub(count) {
+                None => Some(Corner { node, copy: None, share }),
+                Some(copy) => Some(Corner { node: descent.base[copy]?, copy: descent.beyond[copy], share }),
             };
-            point.nodes.into_iter().zip(shares).map(corner).collect()
+            point.nodes.into_iter().zip(shares).filter_map(corner).collect()
         }));
         surface
-    }
-
-    /// X of these copies at the nodes of a surface.
-    fn rows(&self, surface: &[Corners], of_copies: &[Arc<DMatrix<f32>>]) -> Rows {
-        let nodes = surface.iter().flatten().map(|corner| corner.node);
-        let mut nodes: Vec<u32> = nodes.filter(|node| self.free_at[*node as usize].is_some()).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let mut x = Mat::<f32>::zeros(3 * nodes.len(), 3 * of_copies.len());
-        for (j, own) in of_copies.iter().enumerate() {
-            for k in 0..3 {
-                let (from, to) = (own.column(k), x.col_as_slice_mut(3 * j + k));
-                for (to, node) in to.chunks_exact_mut(3).zip(&nodes) {
-                    let Some(free) = self.free_at[*node as usize] else { continue };
-                    to.copy_from_slice(&from.as_slice()[3 * free as usize..][..3]);
-                }
-            }
-        }
-        Rows { of: nodes.into_iter().zip(0..).collect(), x }
-    }
-
-    /// U - X W at the points of a surface, with W at the copies.
-    fn columns_of(
-        &self,
-        whole: &NodeFields,
-        surface: &[Corners],
-        beyond: &[f32],
-        w: &DMatrix<f64>,
-    ) -> DMatrix<f64> {
-        let mut columns = DMatrix::zeros(3 * surface.len(), whole.columns);
-        for (at, corners) in surface.iter().enumerate() {
-            for Corner { node, copy, share } in corners {
-                let free = self.free_at[*node as usize].map(|free| 3 * free as usize);
-                for axis in 0..3 {
-                    let u = whole.row(3 * *node as usize + axis);
-                    for (k, u) in u.iter().enumerate() {
-                        let own = free.map_or(0.0, |row| f64::from(beyond[(row + axis) * whole.columns + k]));
-                        let apart = copy.map_or(0.0, |copy| w[(3 * copy + axis, k)]);
-                        columns[(3 * at + axis, k)] += share * (u + own + apart);
-                    }
-                }
-            }
-        }
-        columns
     }
 
     /// Places at rest of the points beyond the nodes, about the centre.
     fn points_of(&self, split: &Split, opened: &CutSurface) -> Vec<[f32; 3]> {
         let place = |point: &CutPoint| {
-            let [a, b] = point.nodes.map(|node| self.splitter.place(split, node));
-            (a.lerp(&b, point.share) - self.centre).cast::<f32>().into()
+            let [a, b] = point.nodes.map(|node| self.of.splitter.place(split, node));
+            (a.lerp(&b, point.share) - self.of.centre).cast::<f32>().into()
         };
         opened.points.iter().map(place).collect()
     }
 
     /// The points that belong to each control element: those between two of its nodes. A copy is not held.
     fn held_of(&self, opened: &CutSurface) -> Vec<Vec<u32>> {
-        let mut held = vec![Vec::new(); self.tables.stiffness.nrows() / FIELDS];
+        let mut held = vec![Vec::new(); self.of.affine() / FIELDS];
         for (at, point) in (self.surface.len() as u32..).zip(&opened.points) {
-            let [a, b] = point.nodes.map(|node| self.held.get(node as usize).copied().flatten());
+            let [a, b] = point.nodes.map(|node| self.of.held.get(node as usize).copied().flatten());
             if let (Some(e), true) = (a, a == b) {
                 held[e].push(at);
             }
@@ -470,7 +269,7 @@ impl Cuttable {
     }
 
     fn triangles_of(&self, split: &Split, opened: &CutSurface) -> Result<Vec<[u32; 3]>, String> {
-        let count = self.splitter.mesh.nodes.len();
+        let count = self.of.nodes();
         let old = self.surface.len();
         let number = |node: u32| match (node as usize).checked_sub(count) {
             None => self.surface_of[node as usize],
@@ -486,30 +285,105 @@ impl Cuttable {
 
     /// Edges of the mesh, once each.
     pub fn edges(&self) -> Vec<[u32; 2]> {
-        let mut edges: Vec<[u32; 2]> =
-            self.splitter.mesh.tets.iter().flat_map(crate::mesh::edges_of).collect();
+        let tets = &self.of.splitter.mesh.tets;
+        let mut edges: Vec<[u32; 2]> = tets.iter().flat_map(crate::mesh::edges_of).collect();
         edges.sort_unstable();
         edges.dedup();
         edges
     }
 
-    /// Places of all nodes of a shape, about the centre, m.
+    /// The mesh after these cuts, which go on from those of a base.
+    pub fn split(&self, cut: &CutEdges, base: &Base) -> Split {
+        self.of.split(cut, &base.split)
+    }
+
+    /// Places of all nodes of the mesh in a shape, about the centre, m.
     pub fn places(&self, moved: &Moved, shape: &Shape<'_>) -> Result<Vec<V3>, String> {
-        let c = shape.coefficients;
+        let (c, base) = (shape.coefficients, &moved.yielding.base);
         let pressed = moved.yielding.field(shape.forces)?;
-        let whole = moved.whole.as_ref().map_or_else(|| self.whole(), Ok)?;
-        let width = whole.columns;
-        let beyond = |row: usize| {
-            let motion = moved.beyond.get(row * width..).unwrap_or_default().iter().zip(c).take(width);
-            let by_motion: f64 = motion.map(|(u, c)| f64::from(*u) * c).sum();
-            by_motion + pressed.get(row).copied().map_or(0.0, f64::from)
+        let fields = match &moved.fields {
+            Some(fields) => fields,
+            None => base.whole()?,
         };
-        let axis = |row: usize| whole.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
+        let axis = |row: usize| fields.row(row).iter().zip(c).map(|(u, c)| u * c).sum::<f64>();
         let place = |(node, x): (usize, &V3)| {
             let u = V3::from_fn(|k, _| axis(3 * node + k));
-            let free = self.free_at[node].map(|free| 3 * free as usize);
-            x - self.centre + u + free.map_or_else(V3::zeros, |row| V3::from_fn(|k, _| beyond(row + k)))
+            let free = base.free_at[node].map(|free| 3 * free as usize);
+            let free = free.and_then(|row| pressed.get(row..row + 3));
+            x - self.of.centre + u + free.map_or_else(V3::zeros, |own| V3::from_fn(|k, _| own[k]))
         };
-        Ok(self.splitter.mesh.nodes.iter().enumerate().map(place).collect())
+        Ok(self.of.splitter.mesh.nodes.iter().enumerate().map(place).collect())
     }
+}
+
+/// G X of these copies, solved where it is not known.
+fn solve_copies(base: &Base, known: &Known, couplings: &Couplings, all: &FreeRows) -> Result<Known, String> {
+    let Couplings { rows, keys, .. } = couplings;
+    let before: Vec<Option<usize>> = keys.iter().map(|key| known.places.get(key).copied()).collect();
+    let missing: Vec<usize> = (0..keys.len()).filter(|i| before[*i].is_none()).collect();
+    let (free, copies) = (base.partition.free.len() as f64, keys.len() as f64);
+    let columns = (3 * TOGETHER + 4 * (base.tables.stiffness.nrows() + 3)) as f64;
+    let need = 24.0 * free * columns + 432.0 * copies * copies;
+    let of = format!("A cut with {copies} copies of nodes beyond those of its factor");
+    machine::fits(of, need, 0.0).map_err(|error| error.to_string())?;
+    let mut gx = DMatrix::zeros(3 * keys.len(), 3 * keys.len());
+    for (i, was) in before.iter().enumerate() {
+        let Some(was) = was else { continue };
+        for (j, other) in before.iter().enumerate() {
+            let Some(other) = other else { continue };
+            let block = known.gx.fixed_view::<3, 3>(3 * was, 3 * other);
+            gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
+        }
+    }
+    for some in missing.chunks(TOGETHER) {
+        let own = FreeRows::new(some.iter().map(|i| &rows[*i]), &base.free_at);
+        let unit = -DMatrix::<f64>::identity(3 * some.len(), 3 * some.len());
+        let b = own.minus_transposed(&unit, 3 * some.len());
+        let product = all.times(&base.fields.solves.solve_at(own.at, b, Some(all.at.clone()))?);
+        for (k, j) in some.iter().enumerate() {
+            for i in 0..keys.len() {
+                let block = product.fixed_view::<3, 3>(3 * i, 3 * k);
+                gx.fixed_view_mut::<3, 3>(3 * i, 3 * j).copy_from(&block);
+                gx.fixed_view_mut::<3, 3>(3 * j, 3 * i).copy_from(&block.transpose());
+            }
+        }
+    }
+    Ok(Known { places: keys.iter().cloned().zip(0..).collect(), gx })
+}
+
+/// U - A⁻¹ (Gᵀ W) over all nodes of a base.
+fn opened_fields(
+    base: &Base,
+    whole: &NodeFields,
+    rows: &FreeRows,
+    w: &DMatrix<f64>,
+) -> Result<NodeFields, String> {
+    let mut fields = whole.clone();
+    if rows.count() == 0 {
+        return Ok(fields);
+    }
+    let beyond = base.fields.solves.solve_at(rows.at.clone(), rows.minus_transposed(w, w.ncols()), None)?;
+    for (free, node) in base.partition.free.iter().enumerate() {
+        for axis in 0..3 {
+            let own = fields.row_mut(3 * *node as usize + axis);
+            own.iter_mut().zip(beyond.row(3 * free + axis)).for_each(|(own, beyond)| *own += beyond);
+        }
+    }
+    Ok(fields)
+}
+
+/// The columns at the points of a surface, with W at the copies.
+fn columns_of(fields: &NodeFields, surface: &[Corners], w: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut columns = DMatrix::zeros(3 * surface.len(), fields.columns);
+    for (at, corners) in surface.iter().enumerate() {
+        for Corner { node, copy, share } in corners {
+            for axis in 0..3 {
+                for (k, u) in fields.row(3 * *node as usize + axis).iter().enumerate() {
+                    let apart = copy.map_or(0.0, |copy| w[(3 * copy + axis, k)]);
+                    columns[(3 * at + axis, k)] += share * (u + apart);
+                }
+            }
+        }
+    }
+    columns
 }

@@ -4,7 +4,6 @@
 //! kept.
 
 use super::solves::{PointField, Solves};
-use crate::fem::NodeFields;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
 
@@ -13,7 +12,7 @@ const KEPT_BYTES: usize = 256 << 20;
 const KEPT: usize = 12;
 
 pub struct PointFields {
-    solves: Solves,
+    pub solves: Solves,
     /// Number of free nodes.
     free: usize,
     /// Fields with their nodes, those that were asked for last in front.
@@ -23,16 +22,6 @@ pub struct PointFields {
 impl PointFields {
     pub fn new(solves: Solves, free: usize) -> PointFields {
         PointFields { solves, free, kept: Mutex::default() }
-    }
-
-    /// A⁻¹ b.
-    pub fn solve(&self, b: NodeFields) -> Result<NodeFields, String> {
-        self.solves.solve(b)
-    }
-
-    /// A⁻¹ b, with b at these nodes, ascending, and zero at all others.
-    pub fn solve_at(&self, nodes: Vec<u32>, b: NodeFields) -> Result<NodeFields, String> {
-        self.solves.solve_at(nodes, b)
     }
 
     /// The fields of these free nodes.
@@ -52,7 +41,7 @@ impl PointFields {
             return Ok(found);
         }
         let fields = self.solves.points(missing.clone())?;
-        let most = (KEPT_BYTES / (36 * self.free).max(1)).max(KEPT);
+        let most = (KEPT_BYTES / (72 * self.free).max(1)).max(KEPT);
         let mut kept = lock();
         for (node, field) in missing.into_iter().zip(fields) {
             kept.push_front((node, field.clone()));

@@ -1,10 +1,11 @@
 //! The effect in a world: blades, and the bodies that they cut, from frame to frame.
 
 use super::blade::{Blade, Sweep, Swept};
-use super::body::{BodyMemory, CutBody, Seen};
+use super::body::{CutBody, Seen};
 use super::carried::Carriers;
 use super::fallen::Falling;
 use super::landing::Obstacle;
+use super::recall::BodyMemory;
 use super::resistance::Resistance;
 use super::settings::{NAME, Settings};
 use super::shown;

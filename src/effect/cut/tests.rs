@@ -1,5 +1,6 @@
+use super::base::Tables;
 use super::fallen::Fallen;
-use super::opened::{Cuttable, Known, Shape, Tables};
+use super::opened::{Cuttable, Known, Shape};
 use crate::fem::dense_fields::products;
 use crate::fem::{Element, Lame, NodeFields, Partition, TET4, tet4};
 use crate::green::{ControlElement, FIELDS, Volume};
@@ -8,6 +9,7 @@ use crate::mesh::{Block, Surface, TetMesh, block, edges_of, quality};
 use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -95,12 +97,17 @@ fn as_mesh(volume: &Volume, split: &Split) -> (TetMesh, Vec<Lame>) {
 }
 
 /// Columns and handle stiffness against the cut body assembled and solved anew: a slit, a second one that crosses it, and one through a
-/// control element.
+/// control element; from the whole body, and each from a new base with the slits before.
 #[test]
 fn a_cut_body_is_the_body_solved_anew() {
     let volume = bar([8, 4, 3]);
     let cuttable = cuttable(&volume);
+    [false, true].into_iter().for_each(|renews| slits_are_solved_anew(&volume, &cuttable, renews));
+}
+
+fn slits_are_solved_anew(volume: &Volume, cuttable: &Cuttable, renews: bool) {
     let (mut cut, mut known) = (CutEdges::new(), Known::default());
+    let mut base = cuttable.base.clone();
     let slits = [
         (V3::new(1.0, 0.2, 0.0), 0.013, 0.03),
         (V3::new(0.3, 0.1, 1.0), 0.004, 0.02),
@@ -115,11 +122,11 @@ fn a_cut_body_is_the_body_solved_anew() {
         for (edge, share) in more {
             cut.insert(edge, share);
         }
-        let split = cuttable.split(&cut);
-        let points = cuttable.splitter.surface(&split, &cut);
-        let opened = cuttable.open(&known, &split, &points).unwrap();
-        let (mesh, lame) = as_mesh(&volume, &split);
-        let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(&volume));
+        let split = cuttable.split(&cut, &base);
+        let points = cuttable.of.splitter.surface(&split, &cut);
+        let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
+        let (mesh, lame) = as_mesh(volume, &split);
+        let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(volume));
         let largest = fields.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
         let columns = &opened.surface.columns;
         let mut apart = 0.0_f64;
@@ -147,10 +154,11 @@ fn a_cut_body_is_the_body_solved_anew() {
             off = off.max((place - volume.mesh.nodes[node] - V3::new(u(0), u(1), u(2))).amax());
         }
         let forces = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
-        let softer = 1.0 - opened.surface.stiffness[(0, 0)] / cuttable.stiffness()[(0, 0)];
+        let softer = 1.0 - opened.surface.stiffness[(0, 0)] / cuttable.base.tables.stiffness[(0, 0)];
         println!(
-            "{} copies: columns {:e}, places {off:e} m, stiffness {forces:e}, equations {:e}, softer by {softer:.3}",
+            "{} copies, {} of them beyond: columns {:e}, places {off:e} m, stiffness {forces:e}, equations {:e}, softer by {softer:.3}",
             split.copies.len(),
+            opened.known.count(),
             apart / largest,
             opened.error
         );
@@ -158,6 +166,10 @@ fn a_cut_body_is_the_body_solved_anew() {
         assert!(apart < 5e-7 * largest && off < 1e-7, "{apart:e} of {largest}, {off:e} m");
         assert!(split.copies.len() > 5 && softer > 0.0);
         known = opened.known;
+        if renews {
+            assert!(known.count() < split.copies.len() || base.edges == 0);
+            (base, known) = (cuttable.cut_base(Arc::new(split), cut.len()).unwrap(), Known::default());
+        }
     }
 }
 
@@ -197,10 +209,10 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
         let across = bar([8 * m + 1, 4 * m, 2 * m]);
         let cut = by_plane(&across.mesh, V3::x(), middle.x, |x| x.y > middle.y);
         let across = cuttable(&across);
-        let split = across.split(&cut);
-        let surface = across.splitter.surface(&split, &cut);
-        let opened = across.open(&Known::default(), &split, &surface).unwrap();
-        let softer = bending(across.stiffness()) - bending(&opened.surface.stiffness);
+        let split = across.split(&cut, &across.base);
+        let surface = across.of.splitter.surface(&split, &cut);
+        let opened = across.open(&across.base, &Known::default(), (&split, &surface)).unwrap();
+        let softer = bending(&across.base.tables.stiffness) - bending(&opened.surface.stiffness);
         let expected = bending(&whole) - bending(&reference);
         println!("{m}: softer by {softer} N m, along faces by {expected} N m");
         apart.push(softer / expected - 1.0);
@@ -209,20 +221,32 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
 }
 
 /// Columns of the compliance at nodes of the old surface, of the cut, and at the end of the slit, against the cut body assembled and solved
-/// anew; the bits of one do not depend on what is asked for with it.
+/// anew; the bits of one do not depend on what is asked for with it. From the whole body, and from a base with half of the slit.
 #[test]
 fn a_cut_surface_yields_like_that_of_the_body_solved_anew() {
     let volume = bar([8, 4, 3]);
     let cuttable = cuttable(&volume);
+    [false, true].into_iter().for_each(|renews| surface_yields(&volume, &cuttable, renews));
+}
+
+fn surface_yields(volume: &Volume, cuttable: &Cuttable, renews: bool) {
     let (low, high) = quality::bounding_box(&volume.mesh.nodes);
     let middle = (low + high) * 0.5;
     let n = V3::new(1.0, 0.2, 0.3);
     let cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y - 0.02);
-    let split = cuttable.split(&cut);
-    let points = cuttable.splitter.surface(&split, &cut).points;
-    let opened = cuttable.open(&Known::default(), &split, &cuttable.splitter.surface(&split, &cut)).unwrap();
+    let mut base = cuttable.base.clone();
+    if renews {
+        let half = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y + 0.02);
+        let split = Arc::new(cuttable.split(&half, &base));
+        base = cuttable.cut_base(split, half.len()).unwrap();
+    }
+    let split = cuttable.split(&cut, &base);
+    let surface = cuttable.of.splitter.surface(&split, &cut);
+    let points = &surface.points;
+    let opened = cuttable.open(&base, &Known::default(), (&split, &surface)).unwrap();
+    assert!(opened.known.count() > 5 && (opened.known.count() < split.copies.len()) == renews);
     let compliance = opened.surface.compliance.unwrap();
-    let (mesh, lame) = as_mesh(&volume, &split);
+    let (mesh, lame) = as_mesh(volume, &split);
     let k = Element::assemble(&TET4, &mesh, &lame).unwrap();
     let partition = Partition::new(mesh.nodes.len(), volume.held.iter().flatten().copied());
     let a = partition.a(&k);
@@ -312,7 +336,7 @@ fn work(forces: &DMatrix<f64>, fields: &NodeFields) -> DMatrix<f64> {
 }
 
 /// A block whose far end is cut off, and a slit beside what is left: it is the body solved anew without that end, under gravity too. Held are
-/// its left end and some nodes below.
+/// its left end and some nodes below. Then the same from bases without the end, and with the slit.
 #[test]
 fn what_falls_off_is_no_part_of_the_body_any_more() {
     let mut volume = bar([8, 4, 3]);
@@ -333,16 +357,28 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
     let tables = Tables { stiffness, weight: Some(weight), takes_points: true };
     let cuttable = Cuttable::new(volume.clone(), &["a", "b"], middle, tables).unwrap();
     let n = V3::new(1.0, 0.2, 0.3);
-    let mut cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |_| true);
-    let mut known = Known::default();
-    for more in
-        [CutEdges::new(), by_plane(&volume.mesh, V3::x(), middle.x - 0.031, |x| x.y > middle.y + 0.01)]
-    {
+    let through = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |_| true);
+    let slit = by_plane(&volume.mesh, V3::x(), middle.x - 0.031, |x| x.y > middle.y + 0.01);
+    let (mut cut, mut known, mut base) = (CutEdges::new(), Known::default(), cuttable.base.clone());
+    // From the whole body, and from bases that have lost the end, or have the slit, or both.
+    let both: CutEdges = through.iter().chain(&slit).map(|(edge, share)| (*edge, *share)).collect();
+    for (before, more) in [
+        (None, &through),
+        (None, &slit),
+        (Some(&through), &slit),
+        (Some(&slit), &through),
+        (Some(&both), &both),
+    ] {
+        if let Some(before) = before {
+            cut.clone_from(before);
+            let split = Arc::new(cuttable.split(&cut, &cuttable.base));
+            (base, known) = (cuttable.cut_base(split, cut.len()).unwrap(), Known::default());
+        }
         cut.extend(more);
-        let split = cuttable.split(&cut);
+        let split = cuttable.split(&cut, &base);
         assert_eq!(split.loose.len(), 1);
-        let points = cuttable.splitter.surface(&split, &cut);
-        let opened = cuttable.open(&known, &split, &points).unwrap();
+        let points = cuttable.of.splitter.surface(&split, &cut);
+        let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
         let (mesh, lame, numbers) = held_mesh(&volume, &split);
         let held: Vec<Vec<u32>> =
             volume.held.iter().map(|nodes| nodes.iter().map(|node| numbers[node]).collect()).collect();
@@ -385,7 +421,11 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
         }
         let largest = |of: &NodeFields| of.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
         let apart = [apart[0] / largest(&fields), apart[1] / largest(&sunk)];
-        println!("{} copies: forces off by {errors:?}, columns by {apart:?}", split.copies.len());
+        println!(
+            "{} copies, {} beyond: forces off by {errors:?}, columns by {apart:?}",
+            split.copies.len(),
+            opened.known.count()
+        );
         assert!(errors.iter().all(|error| *error < 5e-13), "{errors:?}");
         assert!(apart.iter().all(|apart| *apart < 2e-7), "{apart:?}");
         // What has fallen off takes no forces and is not drawn.
@@ -412,19 +452,19 @@ fn a_piece_of_one_tetrahedron_comes_off() {
     let weight = Some([DMatrix::zeros(FIELDS, 3), DMatrix::zeros(3, 3)]);
     let tables = Tables { stiffness: stiffness.clone(), weight, takes_points: true };
     let cuttable = Cuttable::new(volume.clone(), &["a"], V3::zeros(), tables).unwrap();
-    let splitter = &cuttable.splitter;
+    let splitter = &cuttable.of.splitter;
     let is_corner = |node: &u32| splitter.tets_around(*node).len() == 1 && !volume.held[0].contains(node);
     let node = (0..volume.mesh.nodes.len() as u32).find(is_corner).unwrap();
     let tet = splitter.tets_around(node)[0];
     let share = |other: u32| if node < other { 0.3 } else { 0.7 };
     let others = volume.mesh.tets[tet as usize].into_iter().filter(|other| *other != node);
     let cut: CutEdges = others.map(|other| (edge([node, other]), share(other))).collect();
-    let split = cuttable.split(&cut);
+    let split = cuttable.split(&cut, &cuttable.base);
     let points = splitter.surface(&split, &cut);
-    let opened = cuttable.open(&Known::default(), &split, &points).unwrap();
+    let opened = cuttable.open(&cuttable.base, &Known::default(), (&split, &points)).unwrap();
     let changed = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
     let pieces = Fallen::all(&cuttable, (&split, &cut), &Split::default());
-    let mass = cuttable.mass(tet) * 0.3_f64.powi(3);
+    let mass = cuttable.of.mass(tet) * 0.3_f64.powi(3);
     let off = pieces[0].mass() / mass - 1.0;
     println!(
         "{} copies, stiffness changed by {changed:e}, mass off by {off:e}, {:e}",

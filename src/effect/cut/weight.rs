@@ -1,25 +1,26 @@
 //! Gravity on a body that has lost parts of itself.
 //!
-//! In: the columns and tables of gravity of the whole body, and the masses m at nodes that it has lost. Out: those of what is left, before it
+//! In: the columns and tables of gravity of a base, and the masses m at its nodes that it has lost. Out: those of what is left, before it
 //! is cut: with the forces Δ = m e of gravity e there,
 //!
 //! ```text
 //! G' = G - A⁻¹ Δ        UᵀF' = UᵀF - UᵀΔ        F'ᵀG' = FᵀG - GᵀΔ - ΔᵀG'
 //! ```
 
-use super::opened::Cuttable;
-use crate::fem::{NodeFields, tet4};
-use nalgebra::DMatrix;
-use std::collections::BTreeMap;
+use super::base::Base;
+use super::loose::{Masses, moments_of};
+use crate::fem::NodeFields;
+use nalgebra::{DMatrix, Vector3};
 use std::sync::Arc;
 
-impl Cuttable {
-    /// [`Cuttable::whole`] without these masses at nodes.
-    pub(super) fn whole_without(&self, lost: &BTreeMap<u32, f64>) -> Result<Arc<NodeFields>, String> {
+impl Base {
+    /// [`Base::whole`] without these masses at nodes.
+    pub(super) fn whole_without(&self, lost: &Masses) -> Result<Arc<NodeFields>, String> {
         let whole = self.whole()?.clone();
         let affine = self.tables.stiffness.nrows();
         let free_at = |(node, mass): (&u32, &f64)| Some((self.free_at[*node as usize]?, *mass));
-        let loaded: Vec<(u32, f64)> = lost.iter().filter_map(free_at).collect();
+        let mut loaded: Vec<(u32, f64)> = lost.iter().filter_map(free_at).collect();
+        loaded.sort_by_key(|(free, _)| *free);
         if loaded.is_empty() {
             return Ok(whole);
         }
@@ -27,7 +28,7 @@ impl Cuttable {
         for (at, (_, mass)) in loaded.iter().enumerate() {
             (0..3).for_each(|axis| b.row_mut(3 * at + axis)[axis] = *mass);
         }
-        let x = self.fields.solve_at(loaded.into_iter().map(|(free, _)| free).collect(), b)?;
+        let x = self.fields.solves.solve_at(loaded.into_iter().map(|(free, _)| free).collect(), b, None)?;
         let mut fields = NodeFields::clone(&whole);
         for (at, node) in self.partition.free.iter().enumerate() {
             for axis in 0..3 {
@@ -38,16 +39,17 @@ impl Cuttable {
         Ok(Arc::new(fields))
     }
 
-    /// Tables of gravity without these masses at nodes, and what their moments lose: UᵀF, FᵀG and 12 × 3. In: the fields with and without them.
+    /// Tables of gravity without these masses at nodes, and what all is lost: UᵀF, FᵀG and 12 × 3. In: the place of a node about the body's
+    /// centre, and the fields with and without them.
     pub(super) fn weight_without(
         &self,
-        lost: &BTreeMap<u32, f64>,
+        lost: &Masses,
+        place: impl Fn(u32) -> Vector3<f64>,
         [whole, without]: [&NodeFields; 2],
     ) -> Option<[DMatrix<f64>; 3]> {
         let [mut reaction, mut compliance] = self.tables.weight.clone()?;
-        let (affine, mut moments) = (reaction.nrows(), DMatrix::zeros(12, 3));
+        let (affine, mut moments) = (reaction.nrows(), self.lost.clone());
         for (node, mass) in lost {
-            let x = self.splitter.mesh.nodes[*node as usize] - self.centre;
             for axis in 0..3 {
                 let row = 3 * *node as usize + axis;
                 for (k, u) in whole.row(row)[..affine].iter().enumerate() {
@@ -56,18 +58,10 @@ impl Cuttable {
                 for k in 0..3 {
                     compliance[(k, axis)] -= mass * whole.row(row)[affine + k];
                     compliance[(axis, k)] -= mass * without.row(row)[affine + k];
-                    moments[(3 + 3 * axis + k, axis)] += mass * x[k];
                 }
-                moments[(axis, axis)] += mass;
             }
+            moments += moments_of(*mass, &place(*node));
         }
         Some([reaction, compliance, moments])
-    }
-
-    /// Mass of a tetrahedron, kg; 0 where nothing is heavy.
-    pub fn mass(&self, tet: u32) -> f64 {
-        let of = tet4::geometry(self.splitter.mesh.corners(tet as usize));
-        let volume = of.map_or(0.0, |geometry| geometry.volume.abs());
-        self.density.get(tet as usize).map_or(0.0, |density| density * volume)
     }
 }

@@ -1,38 +1,34 @@
 //! The compliance of a cut body's surface.
 //!
-//! In: nodes of the surface, each a sum of nodes of the mesh and of their copies. Out: displacements of the whole surface for forces there.
-//! With f at the nodes of the mesh and g at the copies,
+//! In: nodes of the surface, each a sum of nodes of a base and of copies that move beyond them. Out: displacements of the whole surface for
+//! forces there. With f at the nodes of the base and g at the copies,
 //!
 //! ```text
-//! (H - G X) v = g - Xᵀ f        u = A⁻¹ f - X v
+//! (H - G X) v = g - G A⁻¹ f        u = A⁻¹ (f - Gᵀ v)
 //! ```
 
-use super::point_fields::PointFields;
-use super::solves::PointField;
+use super::base::Base;
+use super::couplings::FreeRows;
 use super::system::System;
+use crate::fem::NodeFields;
 use crate::green::{SolvedCompliance, Yield};
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
-use nalgebra::{DMatrix, DVector, Vector3};
-use rayon::prelude::*;
-use std::collections::BTreeMap;
+use nalgebra::{DMatrix, Vector3};
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-/// Nodes whose columns are multiplied together. There are always so many, some of them empty, so that the bits of one do not depend on the
+/// Nodes whose columns are solved together. There are always so many, some of them empty, so that the bits of one do not depend on the
 /// others.
 const TOGETHER: usize = 4;
-
-/// Rows of X that one thread multiplies.
-const ROWS: usize = 768;
 
 /// A node's part in a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
+    /// Node of the base.
     pub node: u32,
-    /// The copy that moves beyond the node.
+    /// The copy that moves beyond it.
     pub copy: Option<usize>,
     pub share: f64,
 }
@@ -41,37 +37,24 @@ pub struct Corner {
 pub type Corners = Vec<Corner>;
 
 pub struct Yielding {
-    pub fields: Arc<PointFields>,
-    /// Place of each node among the free ones.
-    pub free_at: Arc<Vec<Option<u32>>>,
-    /// X of each copy, 3 free nodes × 3.
-    pub x: Vec<Arc<DMatrix<f32>>>,
+    pub base: Arc<Base>,
     pub system: System,
+    /// G.
+    pub rows: FreeRows,
     /// The points of the surface.
     pub surface: Vec<Corners>,
+    /// The node of the mesh on whose side each of them lies.
+    pub sides: Vec<u32>,
     /// Points that take forces.
     pub taking: Vec<u32>,
-    /// Empty where nothing asks for columns.
-    pub rows: Rows,
 }
 
-/// The free nodes of the mesh that have a part in a surface, and X of all copies at each: 3 × 3 copies.
-pub struct Rows {
-    pub of: BTreeMap<u32, usize>,
-    pub x: Mat<f32>,
-}
-
-impl Default for Rows {
-    fn default() -> Rows {
-        Rows { of: BTreeMap::new(), x: Mat::zeros(0, 0) }
-    }
-}
-
-/// Forces along x, y and z at a point of the surface, and the answer of the copies.
+/// Unit forces along x, y and z at some points, and the answer to them.
 struct Pressed {
-    fields: Vec<(PointField, f64)>,
-    /// v of each force, 3 copies × 3.
+    /// v, 3 copies × 3 for each point.
     v: DMatrix<f64>,
+    /// u at the free nodes that have a part in the surface.
+    u: NodeFields,
 }
 
 impl Yielding {
@@ -81,53 +64,75 @@ impl Yielding {
 
     /// Place of a node among the free ones.
     fn free(&self, node: u32) -> Option<u32> {
-        self.free_at.get(node as usize).copied().flatten()
+        self.base.free_at.get(node as usize).copied().flatten()
     }
 
-    fn press(&self, point: u32, known: &BTreeMap<u32, PointField>) -> Pressed {
-        let mut fields = Vec::new();
-        let mut b = DMatrix::zeros(3 * self.x.len(), 3);
-        for Corner { node, copy, share } in self.corners(point) {
-            if let Some(copy) = copy {
-                (0..3).for_each(|axis| b[(3 * copy + axis, axis)] += share);
+    /// G A⁻¹ f of fields at all free nodes.
+    fn lifted(&self, field: &NodeFields) -> DMatrix<f64> {
+        let x = |place: usize, axis| field.row(3 * self.rows.at[place] as usize + axis);
+        self.rows.times_at(&x, field.columns)
+    }
+
+    /// Presses [`TOGETHER`] points at most, and finds u at the free nodes `shown`.
+    fn press(&self, points: &[u32], shown: &[u32]) -> Result<Pressed, String> {
+        let (columns, solves) = (3 * TOGETHER, &self.base.fields.solves);
+        let corners = |point: &u32| self.corners(*point).iter();
+        let pressed = points.iter().flat_map(corners).filter_map(|corner| self.free(corner.node));
+        let at: Vec<u32> = pressed.collect::<BTreeSet<u32>>().into_iter().collect();
+        let all: BTreeSet<u32> = at.iter().chain(&self.rows.at).copied().collect();
+        let all: Vec<u32> = all.into_iter().collect();
+        let place = |free: u32, of: &[u32]| of.partition_point(|other| *other < free);
+        let mut f = NodeFields::zeros(at.len(), columns);
+        let mut v = DMatrix::zeros(3 * self.rows.count(), columns);
+        for (k, Corner { node, copy, share }) in
+            points.iter().enumerate().flat_map(|(k, point)| corners(point).map(move |corner| (k, corner)))
+        {
+            for axis in 0..3 {
+                copy.iter().for_each(|copy| v[(3 * copy + axis, 3 * k + axis)] += share);
+                if let Some(free) = self.free(*node) {
+                    f.row_mut(3 * place(free, &at) + axis)[3 * k + axis] += share;
+                }
             }
-            let Some(free) = self.free(*node) else { continue };
-            for (j, x) in self.x.iter().enumerate() {
-                let own = x.fixed_view::<3, 3>(3 * free as usize, 0).transpose().cast::<f64>();
-                let mut block = b.fixed_view_mut::<3, 3>(3 * j, 0);
-                block -= own * *share;
+        }
+        let mut b = NodeFields::zeros(all.len(), columns);
+        let mut add = |of: &[u32], more: &NodeFields| {
+            for (from, free) in of.iter().enumerate() {
+                for axis in 0..3 {
+                    let sums = b.row_mut(3 * place(*free, &all) + axis).iter_mut();
+                    sums.zip(more.row(3 * from + axis)).for_each(|(sum, more)| *sum += more);
+                }
             }
-            fields.extend(known.get(&free).map(|field| (field.clone(), *share)));
+        };
+        add(&at, &f);
+        if self.rows.count() > 0 {
+            v -= self.rows.times(&solves.solve_at(at, f, Some(self.rows.at.clone()))?);
+            for k in 0..points.len() {
+                let own = self.system.solve(&v.columns(3 * k, 3).into_owned()).0;
+                v.columns_mut(3 * k, 3).copy_from(&own);
+            }
+            add(&self.rows.at, &self.rows.minus_transposed(&v, columns));
         }
-        Pressed { fields, v: self.system.solve(&b).0 }
+        Ok(Pressed { v, u: solves.solve_at(all, b, Some(shown.to_vec()))? })
     }
 
-    /// -X v of these, at the nodes that have a part in the surface.
-    fn beyond(&self, pressed: &[Pressed]) -> Mat<f32> {
-        let v = Mat::<f32>::from_fn(self.rows.x.ncols(), 3 * TOGETHER, |i, j| {
-            pressed.get(j / 3).map_or(0.0, |pressed| pressed.v[(i, j % 3)] as f32)
-        });
-        let mut product = Mat::<f32>::zeros(self.rows.x.nrows(), v.ncols());
-        if v.nrows() > 0 {
-            matmul(product.as_mut(), Accum::Replace, self.rows.x.as_ref(), v.as_ref(), -1.0, Par::Seq);
-        }
-        product
+    /// The free nodes that have a part in the surface, ascending.
+    fn shown(&self) -> Vec<u32> {
+        let mut shown: Vec<u32> =
+            self.surface.iter().flatten().filter_map(|corner| self.free(corner.node)).collect();
+        shown.sort_unstable();
+        shown.dedup();
+        shown
     }
 
-    /// The displacement of a point of the surface by axis, for a force along each axis.
-    fn moved(&self, corners: &Corners, pressed: &Pressed, beyond: &Mat<f32>, first: usize) -> [[f32; 3]; 3] {
+    /// The displacement of a point of the surface by axis, for a force along each axis at the pressed point of this number.
+    fn moved(&self, corners: &Corners, pressed: &Pressed, (shown, number): (&[u32], usize)) -> [[f32; 3]; 3] {
         let mut u = [[0.0_f64; 3]; 3];
         for Corner { node, copy, share } in corners {
             if let Some(copy) = copy {
-                add(&mut u, |axis, force| share * pressed.v[(3 * copy + axis, force)]);
+                add(&mut u, |axis, force| share * pressed.v[(3 * copy + axis, 3 * number + force)]);
             }
-            let Some(free) = self.free(*node) else { continue };
-            for (field, part) in &pressed.fields {
-                let at = |axis, force| f64::from(field[(3 * free as usize + axis, force)]);
-                add(&mut u, |axis, force| share * part * at(axis, force));
-            }
-            if let Some(row) = self.rows.of.get(node) {
-                add(&mut u, |axis, force| share * f64::from(beyond[(3 * row + axis, first + force)]));
+            if let Some(at) = self.free(*node).and_then(|free| shown.binary_search(&free).ok()) {
+                add(&mut u, |axis, force| share * pressed.u.row(3 * at + axis)[3 * number + force]);
             }
         }
         u.map(|row| row.map(|u| u as f32))
@@ -135,55 +140,29 @@ impl Yielding {
 
     /// The node of the mesh on whose side a point of the surface lies.
     pub fn node_of(&self, point: u32) -> Option<u32> {
-        let corners = self.corners(point);
-        let own = corners.iter().find(|corner| corner.copy.is_none()).or(corners.first());
-        own.map(|corner| corner.node)
+        self.sides.get(point as usize).copied()
     }
 
-    /// Displacements of all free nodes by forces at nodes of the mesh, 3 for each.
-    pub fn field(&self, forces: &[(u32, V3)]) -> Result<Vec<f32>, String> {
-        let fields = self.fields.at(forces.iter().filter_map(|(node, _)| self.free(*node)))?;
-        let mut pressed = DVector::<f32>::zeros(0);
-        let mut b = DMatrix::<f64>::zeros(3 * self.x.len(), 1);
+    /// Displacements of all free nodes by forces at nodes of the mesh, 3 for each; empty without forces.
+    pub fn field(&self, forces: &[(u32, V3)]) -> Result<Vec<f64>, String> {
+        let fields = self.base.fields.at(forces.iter().filter_map(|(node, _)| self.free(*node)))?;
+        let mut pressed: Option<NodeFields> = None;
         for (node, force) in forces {
-            let Some(free) = self.free(*node) else { continue };
-            for (j, x) in self.x.iter().enumerate() {
-                let mut block = b.fixed_view_mut::<3, 1>(3 * j, 0);
-                block -= x.fixed_view::<3, 3>(3 * free as usize, 0).into_owned().cast::<f64>().tr_mul(force);
-            }
-            let Some(field) = fields.get(&free) else { continue };
-            if pressed.is_empty() {
-                pressed = DVector::zeros(field.nrows());
-            }
-            pressed.gemv(1.0, &**field, &force.cast::<f32>(), 1.0);
+            let Some(field) = self.free(*node).and_then(|free| fields.get(&free)) else { continue };
+            let pressed = pressed.get_or_insert_with(|| NodeFields::zeros(field.nodes, 1));
+            let own =
+                field.data.chunks_exact(3).map(|row| row[0] * force.x + row[1] * force.y + row[2] * force.z);
+            pressed.data.iter_mut().zip(own).for_each(|(u, own)| *u += own);
         }
-        let (v, _) = self.system.solve(&b);
-        let mut u = apart(&self.x, &v, pressed.len());
-        u.iter_mut().zip(&pressed).for_each(|(u, pressed)| *u += pressed);
-        Ok(u)
+        let Some(mut pressed) = pressed else { return Ok(Vec::new()) };
+        if self.rows.count() > 0 {
+            let (v, _) = self.system.solve(&-self.lifted(&pressed));
+            let b = self.rows.minus_transposed(&v, 1);
+            let beyond = self.base.fields.solves.solve_at(self.rows.at.clone(), b, None)?;
+            pressed.data.iter_mut().zip(&beyond.data).for_each(|(u, beyond)| *u += beyond);
+        }
+        Ok(pressed.data)
     }
-}
-
-/// -X w at this many rows, row after row.
-pub fn apart(x: &[Arc<DMatrix<f32>>], w: &DMatrix<f64>, rows: usize) -> Vec<f32> {
-    let (w, columns) = (w.map(|w| w as f32), w.ncols());
-    let mut all = vec![0.0; rows * columns];
-    all.par_chunks_mut((ROWS * columns).max(1)).enumerate().for_each(|(block, to)| {
-        let (first, count) = (ROWS * block, to.len() / columns);
-        // It stays in the nearest cache while all copies pass.
-        let mut part = DMatrix::<f32>::zeros(count, columns);
-        for (j, x) in x.iter().enumerate() {
-            for (k, mut sum) in part.column_iter_mut().enumerate() {
-                (0..3).for_each(|axis| {
-                    sum.axpy(-w[(3 * j + axis, k)], &x.column(axis).rows(first, count), 1.0)
-                });
-            }
-        }
-        for (to, row) in to.chunks_exact_mut(columns).zip(part.row_iter()) {
-            to.iter_mut().zip(row.iter()).for_each(|(to, u)| *to = *u);
-        }
-    });
-    all
 }
 
 fn add(u: &mut [[f64; 3]; 3], more: impl Fn(usize, usize) -> f64) {
@@ -198,14 +177,12 @@ impl SolvedCompliance for Yielding {
     }
 
     fn columns(&self, nodes: &[u32]) -> Result<Vec<Yield>, String> {
-        let corners = nodes.iter().flat_map(|point| self.corners(*point));
-        let known = self.fields.at(corners.filter_map(|corner| self.free(corner.node)))?;
+        let shown = self.shown();
         let mut columns = Vec::new();
         for some in nodes.chunks(TOGETHER) {
-            let pressed: Vec<Pressed> = some.iter().map(|point| self.press(*point, &known)).collect();
-            let beyond = self.beyond(&pressed);
-            for (k, pressed) in pressed.iter().enumerate() {
-                let of = |corners: &Corners| self.moved(corners, pressed, &beyond, 3 * k);
+            let pressed = self.press(some, &shown)?;
+            for number in 0..some.len() {
+                let of = |corners: &Corners| self.moved(corners, &pressed, (&shown, number));
                 columns.push(self.surface.iter().map(of).collect());
             }
         }
@@ -215,6 +192,6 @@ impl SolvedCompliance for Yielding {
 
 impl fmt::Debug for Yielding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "compliance of a body cut with {} copies", self.x.len())
+        write!(f, "compliance of a body cut with {} copies", self.rows.count())
     }
 }

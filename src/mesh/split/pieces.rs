@@ -38,6 +38,16 @@ impl Piece {
         Piece { tet, own: [true; 4], shares: [0.25; 4], nodes }
     }
 
+    /// Whether it is a part of another piece of the tetrahedron.
+    fn is_in(&self, other: &Piece) -> bool {
+        (0..4).all(|k| other.own[k] || !self.own[k])
+    }
+
+    /// The first of its corners.
+    pub fn corner(&self) -> TetCorner {
+        (self.tet, self.own.iter().position(|own| *own).unwrap_or_default())
+    }
+
     /// Part of the tetrahedron's volume.
     pub fn volume(&self) -> f64 {
         self.shares.iter().sum()
@@ -88,6 +98,12 @@ impl Split {
     /// The numbers of a tetrahedron's pieces; `None` of one that is whole.
     pub fn pieces_of(&self, tet: u32) -> Option<Range<usize>> {
         pieces_of(tet, &self.first, &self.pieces)
+    }
+
+    /// The nodes with which a corner of a tetrahedron moves: those of its piece, or of the whole one.
+    pub fn nodes_at(&self, (tet, k): TetCorner, of_tet: [u32; 4]) -> [u32; 4] {
+        let piece = self.pieces_of(tet).and_then(|own| self.pieces[own].iter().find(|piece| piece.own[k]));
+        piece.map_or(of_tet, |piece| piece.nodes)
     }
 
     /// Whether a node or a copy belongs to a part that nothing holds.
@@ -166,8 +182,9 @@ impl Splitter {
     }
 
     /// The mesh after these cuts, with the control element that holds each node. A piece with nodes of its own that an element holds goes
-    /// with the element's nodes beyond the cut, too: what holds them holds both sides.
-    pub fn split(&self, cut: &CutEdges, held: &[Option<usize>]) -> Split {
+    /// with the element's nodes beyond the cut, too: what holds them holds both sides. Pieces within one of an `earlier` split have its
+    /// shares together.
+    pub fn split(&self, cut: &CutEdges, held: &[Option<usize>], earlier: &Split) -> Split {
         let mut pieces = Vec::new();
         let mut first: BTreeMap<u32, usize> = BTreeMap::new();
         let mut touched: Vec<u32> =
@@ -184,6 +201,9 @@ impl Splitter {
             for lowest in (0..4).filter(|node| group[*node] == *node) {
                 let own = group.map(|of| of == lowest);
                 pieces.push(Piece { tet, own, shares: shares[lowest], nodes: self.mesh.tets[tet as usize] });
+            }
+            if let Some(of) = earlier.pieces_of(tet) {
+                share_out(&mut pieces[first[&tet]..], &earlier.pieces[of]);
             }
         }
         let copies = self.copy_nodes(&mut pieces, &first, held);
@@ -300,6 +320,17 @@ fn pieces_of(tet: u32, first: &BTreeMap<u32, usize>, pieces: &[Piece]) -> Option
     let from = *first.get(&tet)?;
     let count = pieces[from..].iter().take_while(|piece| piece.tet == tet).count();
     Some(from..from + count)
+}
+
+/// Gives the pieces of a tetrahedron that lie in one of `earlier` its shares, each node's in their own ratio.
+fn share_out(pieces: &mut [Piece], earlier: &[Piece]) {
+    for whole in earlier {
+        let mut within: Vec<&mut Piece> = pieces.iter_mut().filter(|piece| piece.is_in(whole)).collect();
+        for k in 0..4 {
+            let part = whole.shares[k] / within.iter().map(|piece| piece.shares[k]).sum::<f64>();
+            within.iter_mut().for_each(|piece| piece.shares[k] *= part);
+        }
+    }
 }
 
 /// [`Piece::shares`] of a tetrahedron within another one, from its corners in barycentric coordinates.

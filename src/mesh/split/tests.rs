@@ -72,11 +72,11 @@ fn a_plane_divides_a_block() {
     let d = n.dot(&((low + high) * 0.5)) + 0.011;
     let cut = by_plane(&mesh, n, d, &|_| true);
     let held = holding(&mesh, &|x| x.x < low.x + 1e-9);
-    let split = splitter.split(&cut, &held);
+    let split = splitter.split(&cut, &held, &Split::default());
     let surface = splitter.surface(&split, &cut);
     assert!(split.loose.len() == 1 && !split.copies.is_empty());
     let both = holding(&mesh, &|x| x.x < low.x + 1e-9 || x.x > high.x - 1e-9);
-    assert!(splitter.split(&cut, &both).loose.is_empty());
+    assert!(splitter.split(&cut, &both, &Split::default()).loose.is_empty());
     let beyond = |node: u32| n.dot(&mesh.nodes[node as usize]) > d;
     let mut far = 0.0;
     for (tet, nodes) in mesh.tets.iter().enumerate() {
@@ -142,7 +142,7 @@ fn any_cut_keeps_the_volume() {
     for cut in cuts {
         in_four +=
             (0..mesh.tets.len() as u32).filter(|tet| splitter.groups(*tet, &cut) == [0, 1, 2, 3]).count();
-        let split = splitter.split(&cut, &held);
+        let split = splitter.split(&cut, &held, &Split::default());
         let surface = splitter.surface(&split, &cut);
         let (volume, open) = enclosed(&splitter, &split, &surface);
         assert!((volume / whole - 1.0).abs() < 1e-12 && open < 1e-14, "{volume} of {whole}, {open:e}");
@@ -180,7 +180,7 @@ fn crossing_cuts_leave_no_holes() {
     let in_four =
         (0..mesh.tets.len() as u32).filter(|tet| splitter.groups(*tet, &cut) == [0, 1, 2, 3]).count();
     assert!(in_four > 0);
-    let split = splitter.split(&cut, &held);
+    let split = splitter.split(&cut, &held, &Split::default());
     let surface = splitter.surface(&split, &cut);
     // An edge that only one neighbour has cut: its point stays on the line between both ends.
     let on = |[a, b]: [u32; 2]| {
@@ -211,17 +211,17 @@ fn a_slit_closes_at_its_end() {
     let n = Vector3::new(1.0, 0.0, 0.0);
     let deep = by_plane(&mesh, n, 0.5 * (low.x + high.x) + 0.004, &|x| x.y > high.y - 0.11);
     let held = holding(&mesh, &|x| x.y < low.y + 1e-9);
-    let split = splitter.split(&deep, &held);
+    let split = splitter.split(&deep, &held, &Split::default());
     assert!(split.loose.is_empty() && split.copies.len() > 4);
     // A row of cells below the slit's end keeps its nodes.
     let lowest = split.copies.iter().map(|node| mesh.nodes[*node as usize].y).fold(f64::MAX, f64::min);
     assert!(lowest > high.y - 0.11 - 1e-9, "{lowest}");
     let all_held = vec![Some(0); mesh.nodes.len()];
-    assert!(splitter.split(&deep, &all_held).copies.is_empty());
+    assert!(splitter.split(&deep, &all_held, &Split::default()).copies.is_empty());
     // A cut beside what is held leaves nothing of the other side there.
     let beside = by_plane(&mesh, n, low.x + 0.02, &|_| true);
     let at_end = holding(&mesh, &|x| x.x < low.x + 1e-9);
-    assert!(splitter.split(&beside, &at_end).loose.len() == 1);
+    assert!(splitter.split(&beside, &at_end, &Split::default()).loose.len() == 1);
 }
 
 /// Two control elements that touch, and a cut between them: each holds its own side alone.
@@ -231,7 +231,7 @@ fn what_touching_elements_hold_comes_apart() {
     let splitter = Splitter::new(mesh.clone());
     let cut = by_plane(&mesh, V3::x(), 0.02, &|_| true);
     let held: Vec<Option<usize>> = mesh.nodes.iter().map(|x| Some(usize::from(x.x > 0.02))).collect();
-    let split = splitter.split(&cut, &held);
+    let split = splitter.split(&cut, &held, &Split::default());
     assert!(split.loose.is_empty() && !split.pieces.is_empty());
     for piece in &split.pieces {
         for (own, node) in piece.own.iter().zip(&piece.nodes) {
@@ -249,7 +249,7 @@ fn a_part_on_an_edge_is_not_held() {
         let tets = vec![[0, 1, 2, 3], second];
         let mesh = TetMesh { nodes: nodes.map(V3::from).to_vec(), tets, ..TetMesh::default() };
         let held: Vec<Option<usize>> = (0..nodes.len()).map(|node| (node < 3).then_some(0)).collect();
-        Splitter::new(Arc::new(mesh)).split(&CutEdges::new(), &held)
+        Splitter::new(Arc::new(mesh)).split(&CutEdges::new(), &held, &Split::default())
     };
     assert!(loose([1, 2, 3, 4]).loose.is_empty());
     for (second, copies) in [([2, 3, 4, 5], vec![2, 3]), ([3, 4, 5, 6], vec![3])] {
@@ -261,4 +261,31 @@ fn a_part_on_an_edge_is_not_held() {
         assert!(split.is_loose_at((1, 0)) && !split.is_loose_at((0, 0)));
         assert_eq!(split.loose[0].corners(&split), [0, 1, 2, 3].map(|k| (1, k)));
     }
+}
+
+/// Two planes that cross: the pieces within one of the first cut have its shares together, which without it they have not.
+#[test]
+fn pieces_share_out_what_an_earlier_one_had() {
+    let mesh = a_block();
+    let splitter = Splitter::new(mesh.clone());
+    let held = vec![Some(0); mesh.nodes.len()];
+    let mut cut = by_plane(&mesh, V3::new(1.0, 0.3, 0.2), 0.013, &|_| true);
+    let first = splitter.split(&cut, &held, &Split::default());
+    cut.extend(by_plane(&mesh, V3::new(-0.2, 1.0, 0.3), 0.007, &|_| true));
+    let off = |earlier: &Split| {
+        let split = splitter.split(&cut, &held, earlier);
+        let mut most = 0.0_f64;
+        for whole in &first.pieces {
+            let own = &split.pieces[split.pieces_of(whole.tet).unwrap()];
+            let within = own.iter().filter(|piece| (0..4).all(|k| whole.own[k] || !piece.own[k]));
+            let mut left = whole.shares;
+            within.for_each(|piece| (0..4).for_each(|k| left[k] -= piece.shares[k]));
+            assert!(own.iter().all(|piece| piece.shares.iter().all(|share| *share > 0.0)));
+            most = left.iter().fold(most, |most, left| most.max(left.abs()));
+        }
+        most
+    };
+    let [with, without] = [&first, &Split::default()].map(off);
+    println!("off by {with:e}, without the first {without:e}");
+    assert!(with < 1e-15 && without > 1e-3, "{with:e}, {without:e}");
 }
