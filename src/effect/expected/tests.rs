@@ -459,7 +459,7 @@ fn the_part_of_the_mesh_in_a_large_bend_is_that_of_the_equilibria() {
     deformer.evaluate(&moved.poses(Motion::Bend(100.0)));
     assert_eq!(errors.mesh_at(&deformer, &wrenches), None, "no equilibrium was solved that far");
     // The wall buckles under the twist with tet10, and not with tet4.
-    let poses = moved.poses(Motion::Twist(60.0));
+    let poses = moved.poses(Motion::Twist(30.0));
     let mut finer = Truth::Finer.statics(&scene, "tube", &Silent).unwrap();
     let right = finer.solve(&poses, &Silent).unwrap().balance(&poses);
     deformer.evaluate(&poses);
