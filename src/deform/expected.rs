@@ -215,7 +215,7 @@ impl ExpectedErrors {
     }
 
     /// The errors of force and of torque over length, model and mesh together, as parts of the largest that is shown: those against the
-    /// finer mesh, and what that itself has in the small motion, with [`SAFETY`]. `None` in small motions, beyond what was measured, and
+    /// finer mesh, and what that itself has in the small motion, times 1.25. `None` in small motions, beyond what was measured, and
     /// under other loads.
     pub fn whole_at(&self, deformer: &Deformer, wrenches: &[Wrench]) -> Option<[f64; 2]> {
         let reach = reach(deformer);
