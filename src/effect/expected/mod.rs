@@ -17,7 +17,7 @@ use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
 use crate::world::{BodyFrame, RunningEffect, World};
 use mesh::BetterBody;
-use model::{Measured, motions};
+use model::Measured;
 use std::sync::Arc;
 
 /// Largest number of control elements that are moved: the first ones that a hand can grab.
@@ -224,7 +224,7 @@ fn model_errors(
         left_out.push(format!("the model \"{}\" is static equilibrium itself", model.name));
         return moved.iter().map(|_| MovedErrors::default()).collect();
     }
-    progress.begin("errors of the model", 1000 * (1 + motions() * moved.len()) as u64);
+    progress.begin("errors of the loads", 1000);
     let mut measured = Measured::new(scene, body);
     if let (Ok(measured), Some(&e)) = (&mut measured, moved.first()) {
         errors.loads = measured.loads.clone();
@@ -233,6 +233,7 @@ fn model_errors(
             Err(error) => left_out.push(error.to_string()),
         }
     }
+    progress.end();
     let mut all = Vec::new();
     for &e in moved {
         let control = body.solution.controls[e].name.clone();
@@ -243,6 +244,8 @@ fn model_errors(
             }
             Err(error) => Err(error.to_string()),
         };
+        // Where it fails in one of its steps.
+        progress.end();
         let found = found.unwrap_or_else(|why| {
             told(why);
             MovedErrors::default()
@@ -259,7 +262,6 @@ fn model_errors(
             ..MovedErrors::default()
         });
     }
-    progress.end();
     all
 }
 

@@ -104,7 +104,7 @@ fn other_directions() -> impl Iterator<Item = Direction> {
 }
 
 /// Motions of one control element of which all directions are alike.
-pub fn motions() -> usize {
+fn motions() -> usize {
     LEVELS.iter().map(|level| MAIN.len() + level.shifts.len()).sum::<usize>() + PRESSES.len()
 }
 
@@ -176,7 +176,7 @@ impl Measured {
     }
 
     /// Measures control element `e` of the body that was solved as `solution`; `left_out` is called with what could not be measured.
-    /// `progress` is advanced by 1000 for each of [`motions`].
+    /// `progress` shows one step, or two where all directions are measured.
     pub fn errors(
         &mut self,
         solution: &Solution,
@@ -192,6 +192,7 @@ impl Measured {
             left_out(format!("what the mesh adds in large motions: {why}"));
         }
         let mut found = Found::default();
+        progress.begin("errors of the model", 1000 * motions() as u64);
         let shifts = LEVELS.iter().map(|level| level.shifts.to_vec()).collect();
         for about in MAIN {
             self.turn(&moved, (&LEVELS, about), progress, left_out, &mut found)?;
@@ -199,6 +200,7 @@ impl Measured {
         for kind in [shifts, presses()] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
+        progress.end();
         let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
         if differ {
             let all: Vec<Direction> = other_directions().collect();
