@@ -52,7 +52,7 @@ pub use models::rod::ENTRY as ROD;
 pub use models::rotation::{ENTRY as ROTATION, Rotation, mean_rotation};
 pub use models::substructured::ENTRY as SUBSTRUCTURED;
 pub use models::{MODELS, find_model, make_model, model_of, volume_model_of};
-pub use motion_errors::{Direction, DirectionErrors, MotionErrors, TurnErrors};
+pub use motion_errors::{DirectionErrors, MotionErrors, TurnErrors};
 pub use path::{BodyPath, Doubt};
 pub use pose::follow::{CATCH_UP, FollowedTurn, JUMP, PoseFault, PoseLimiter, STRETCH};
 pub use pose::frame::{
@@ -67,5 +67,5 @@ pub use statics::{
 };
 pub use touch_points::{MOST_POINTS, TouchPoint, contact_axes};
 pub use touch_potential::{TouchPotential, TouchResponse};
-pub use trial::{Deviation, Motion, Moved, PoseResult, Trial, Truth, in_session, trials};
+pub use trial::{Deviation, Direction, Motion, Moved, PoseResult, Trial, Truth, in_session, trials};
 pub use turn::{Reach, local_turn, mean_strain, reach};

@@ -5,13 +5,10 @@
 //! corners, edges and faces the directions go, its own point lies in a triangle of three of them, and those of its corners count.
 
 use super::errors_at::{ErrorsAt, between, within};
+use super::trial::Direction;
 use super::turn::{RESTS, Reach};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-
-/// Direction about which a control element is turned, along the axis towards it, the axis about which it is bent, and the third
-/// perpendicular to both: (1, 0, 0) twists it, (0, 1, 0) bends it.
-pub type Direction = [i8; 3];
 
 /// Turns and shifts of one control element with their errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -6,7 +6,6 @@
 use super::deformer::Deformer;
 use super::model::ModelEntry;
 use super::models::large_strain_law_of;
-use super::motion_errors::Direction;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
@@ -19,6 +18,10 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Direction about which a control element is turned, along the axis towards it, the axis about which it is bent, and the third
+/// perpendicular to both: (1, 0, 0) twists it, (0, 1, 0) bends it.
+pub type Direction = [i8; 3];
 
 /// Motion of one control element against the others, which rest, along an axis towards it.
 #[derive(Clone, Copy, Debug, PartialEq)]
