@@ -62,7 +62,7 @@ pub struct MovedErrors {
 pub struct FinerErrors {
     /// Errors of equilibrium on the body's own mesh.
     pub mesh: MotionErrors,
-    /// What is left to the finer mesh itself of its error in small motions, by a mesh that is finer still, where that is affordable.
+    /// Errors of the finer mesh itself in small motions, against one of half its size; `None` where that is not affordable.
     pub rest: Option<MeshErrors>,
     /// Errors of what is shown, model and mesh together; those of force and torque are parts of the largest force, or torque over
     /// length, that is shown, not of the equilibrium's.

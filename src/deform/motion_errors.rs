@@ -105,7 +105,7 @@ impl MotionErrors {
 }
 
 impl TurnErrors {
-    /// How far the turns go off an arc: that of rounding.
+    /// Distance from the arc of the turns that were measured, which is rounding.
     fn off(&self) -> f64 {
         self.bent.last().map_or(0.0, |last| last.off)
     }

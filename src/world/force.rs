@@ -97,7 +97,7 @@ pub fn wrench_error_of(
         true => None,
         false => expected.whole_at(deformer, wrenches),
     };
-    // The mesh alone says nothing of a model, nor a law that has no error beside the mesh of the mesh.
+    // Without the model's part the mesh's alone is not shown.
     let of_both = || of_model.map(|parts| parts.map(|part| part + mesh.unwrap_or(0.0)));
     let is_whole = mesh.is_some() || whole.is_some();
     let [of_force, of_moment] =

@@ -170,9 +170,9 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
 #[derive(Default)]
 struct OfMesh {
     small: Option<MeshErrors>,
-    /// Those of quadratic elements on the same mesh.
+    /// Errors of quadratic elements on the same mesh.
     quadratic: Option<MeshErrors>,
-    /// Those of its force where it is pushed along each axis, free in all else.
+    /// Errors of the force with which the element is pushed along each axis, free in all else.
     pushed: Option<[f64; 3]>,
 }
 
