@@ -1,5 +1,5 @@
-//! Times of the graph of fields, of a snapshot of all state, and of the online stage's two loops at the paper's size: 10,000
-//! nodes, two control elements of twelve columns.
+//! Times of the graph of fields, of a snapshot of all state, of frames with hundreds of contacts, and of the online stage's two loops at the
+//! paper's size: 10,000 nodes, two control elements of twelve columns.
 
 use criterion::{Criterion, Throughput, criterion_group};
 use greenstage::base::columns::{Storage, StoredColumns};
@@ -9,6 +9,7 @@ use greenstage::field::{Each, Field, FieldError, Graph, Value};
 use greenstage::green::FIELDS;
 use greenstage::prepare::Resolved;
 use greenstage::session::{Request, Session};
+use greenstage::track::TrackerState;
 use greenstage::world::World;
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -154,7 +155,56 @@ fn state(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, superposition, normals, graph, state);
+/// A slab about `y`, held at one side by its hand.
+fn slab(name: &str, y: f64, [size, cells]: [[f64; 3]; 2], held: &str) -> String {
+    let cells = cells.map(|count| count as usize);
+    format!(
+        "[body.{name}]\ngenerate = {{ block = {{ size = {size:?}, cells = {cells:?} }} }}\n\
+         material = {{ young = 1e5, poisson = 0.4, density = 1000.0 }}\n\
+         effects = [\"contact\"]\neffect.contact = {{ friction = 0.3 }}\n\
+         place = {{ position = [0.0, {y:?}, 0.0], scale = 1.0 }}\n\
+         control.hand = {{ nodes = {{ group = \"{held}\" }}, grab = \"fixed\" }}\n"
+    )
+}
+
+/// The hand of body `b` pressed by `down` towards what it touches, and drawn to and fro.
+fn rubbed(text: &str, b: usize, down: f64) -> Result<impl FnMut(), Failure> {
+    let folder = tempfile::tempdir().map_err(Failure::work)?;
+    let scene = Resolved::parse(text, &folder.path().join("rubbed.toml"))?;
+    let mut world = Session::open(&Request::new(&scene))?.world;
+    let hand = world.fields.bodies[b].poses[0];
+    let mut frame = 0;
+    let mut step = move || {
+        frame += 1;
+        let (time_s, pressed) = (f64::from(frame) / 60.0, f64::from(frame).min(10.0) / 10.0);
+        let translation = Vector3::new(3e-3 * (4.0 * time_s).sin(), -down * pressed, 0.0);
+        world.graph.restore(hand, ControlPose { translation, ..ControlPose::REST });
+        black_box(world.step(&TrackerState { time_s, ..TrackerState::default() }.into()));
+    };
+    (0..10).for_each(|_| step());
+    Ok(step)
+}
+
+/// The scenes of the chapter `keys`, effect `contact`: 241 contacts with a ball, and 225 between two blocks.
+fn contacts(c: &mut Criterion) {
+    let ball = "[tool.ball]\nshape = { ball = { radius = 0.8 } }\nposition = [0.0, 0.8005, 0.0]\n".to_owned();
+    let pressed = ball + &slab("low", -0.03, [[0.3, 0.06, 0.3], [30.0, 9.0, 30.0]], "ymin");
+    let blocks = slab("low", -0.05, [[0.2, 0.1, 0.2], [12.0, 20.0, 12.0]], "ymin")
+        + &slab("high", 0.0505, [[0.19, 0.1, 0.19], [14.0, 41.0, 14.0]], "ymax");
+    let mut group = c.benchmark_group("frame with contacts, 9,600 nodes");
+    group.sample_size(10);
+    for (name, text, b, down) in [("ball", pressed, 0, -6e-3), ("two blocks", blocks, 1, 4e-3)] {
+        match rubbed(&text, b, down) {
+            Ok(mut step) => {
+                group.bench_function(name, |bench| bench.iter(&mut step));
+            }
+            Err(error) => eprintln!("no contacts are measured: {error}"),
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, superposition, normals, graph, state, contacts);
 
 fn main() {
     // `cargo bench` passes --bench; `cargo test --bench online` runs each benchmark once and measures nothing.

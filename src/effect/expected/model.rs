@@ -97,10 +97,16 @@ fn presses() -> Vec<Vec<Motion>> {
     PRESSES.iter().map(|part| vec![Motion::Shift([-part, 0.0])]).collect()
 }
 
-/// All directions of a cube's faces, edges and corners but for [`MAIN`].
-fn other_directions() -> impl Iterator<Item = Direction> {
+/// All directions of a cube's faces, edges and corners.
+fn directions() -> impl Iterator<Item = Direction> {
     let all = (0..27).map(|i: i8| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]);
-    all.filter(|about| *about != [0; 3] && !MAIN.contains(about))
+    all.filter(|about| *about != [0; 3])
+}
+
+/// All directions that bend or twist, or do both, as this one does.
+fn like(direction: Direction) -> Vec<Direction> {
+    let kind = |[along, b, c]: Direction| [along != 0, [b, c] != [0, 0]];
+    directions().filter(|about| kind(*about) == kind(direction)).collect()
 }
 
 /// Motions of one control element of which all directions are alike.
@@ -203,7 +209,7 @@ impl Measured {
         progress.end();
         let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
         if differ {
-            let all: Vec<Direction> = other_directions().collect();
+            let all: Vec<Direction> = directions().filter(|about| !MAIN.contains(about)).collect();
             progress.begin("errors in all directions", 1000 * (all.len() * LEVELS[1..].len()) as u64);
             for about in all {
                 self.turn(&moved, (&LEVELS[1..], about), progress, left_out, &mut found)?;
@@ -357,32 +363,32 @@ fn motion_errors(
         growing(found, parts.iter().map(|part| (0.0, vec![Motion::Shift([sign * part, 0.0])])))
     };
     let mut turned = TurnErrors {
-        bent: of_direction(found, levels, BEND, Some(ASIDE)),
-        twisted: of_direction(found, levels, TWIST, None),
-        both: of_direction(found, levels, BOTH, None),
+        bent: of_direction(found, levels, BEND, &like(BEND)),
+        twisted: of_direction(found, levels, TWIST, &like(TWIST)),
+        both: of_direction(found, levels, BOTH, &like(BOTH)),
         about: Vec::new(),
     };
     let with_small = |direction: Direction| {
         // Small motions are alike in all directions.
         let small = levels.iter().position(|level| level.angle >= LEVELS[1].angle).unwrap_or(0);
-        let own = of_direction(found, &levels[small..], direction, None);
+        let own = of_direction(found, &levels[small..], direction, &[]);
         let at = turned.of(direction).iter().take(small).copied().chain(own).collect();
         DirectionErrors { direction, at }
     };
     if by_direction {
-        turned.about = MAIN.into_iter().chain(other_directions()).map(with_small).collect();
+        turned.about = directions().map(with_small).collect();
     }
     let shifted = growing(found, levels.iter().map(|level| (level.angle, level.shifts.to_vec())));
     MotionErrors { turned, shifted, pulled: along(pulls, 1.0), pressed: along(&PRESSES, -1.0) }
 }
 
-/// Errors of turns about one direction, as far as they were found, and half-way to the next level; with those `beside` where they were
-/// found.
+/// Errors of turns about one direction, as far as they were found, and half-way to the next level; with those about others `beside` it where
+/// they were found.
 fn of_direction(
     found: &[(Motion, ErrorsAt)],
     levels: &[Level],
     about: Direction,
-    beside: Option<Direction>,
+    beside: &[Direction],
 ) -> Vec<ErrorsAt> {
     let is_found =
         |about: Direction, angle: f64| found.iter().any(|(motion, _)| *motion == turn(about, angle));
@@ -391,7 +397,7 @@ fn of_direction(
     let half = levels.get(angles.len()).and_then(|next| half_way(levels, next.angle));
     angles.extend(half.filter(|angle| is_found(about, *angle)));
     let motions = |angle: f64| {
-        let beside = beside.filter(|beside| is_found(*beside, angle));
+        let beside = beside.iter().copied().filter(|beside| is_found(*beside, angle));
         [about].into_iter().chain(beside).map(|about| turn(about, angle)).collect()
     };
     growing(found, angles.into_iter().map(|angle| (angle, motions(angle))))
