@@ -61,8 +61,9 @@ const BOTH: Direction = [1, 1, 1];
 /// Turns of every body.
 const MAIN: [Direction; 4] = [BEND, TWIST, BOTH, ASIDE];
 
-/// The mesh's part of a wrench beyond which directions differ so that all of them are measured: of thin walls, which buckle under some.
-const DIFFER: f64 = 0.2;
+/// The mesh's part of a wrench in a turn beyond which directions differ so that all of them are measured: of thin walls, which buckle under
+/// some.
+const DIFFER: f64 = 0.3;
 
 fn turn(about: Direction, degrees: f64) -> Motion {
     match about {
@@ -203,11 +204,11 @@ impl Measured {
         for about in MAIN {
             self.turn(&moved, (&LEVELS, about), progress, left_out, &mut found)?;
         }
+        let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
         for kind in [shifts, presses()] {
             self.go(&moved, &kind, progress, left_out, &mut found)?;
         }
         progress.end();
-        let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
         if differ {
             let all: Vec<Direction> = directions().filter(|about| !MAIN.contains(about)).collect();
             progress.begin("errors in all directions", 1000 * (all.len() * LEVELS[1..].len()) as u64);
