@@ -107,7 +107,7 @@ impl CutBody {
         let whole = Whole { name: name.to_owned(), file, cuttable };
         let state = whole.state()?;
         let edges = whole.cuttable.edges();
-        let nodes = &whole.cuttable.of.splitter.mesh.nodes;
+        let nodes = &whole.cuttable.matter.splitter.mesh.nodes;
         let long = |[a, b]: &[u32; 2]| (nodes[*a as usize] - nodes[*b as usize]).norm();
         let length = edges.iter().map(long).sum::<f64>() / edges.len().max(1) as f64;
         Ok(CutBody {
@@ -216,7 +216,7 @@ impl CutBody {
 
     /// Area of the cuts through the tetrahedra around an edge, m², where cutting takes force.
     fn area_around(&self, edge: [u32; 2], cut: &CutEdges) -> f64 {
-        let splitter = &self.whole.cuttable.of.splitter;
+        let splitter = &self.whole.cuttable.matter.splitter;
         let around = splitter.tets_around(edge[0]).iter().filter(|_| self.toughness > 0.0);
         around.map(|tet| splitter.cut_area(*tet, cut)).sum()
     }
@@ -313,9 +313,9 @@ impl CutBody {
         let mut pieces = Fallen::all(&self.whole.cuttable, (&state.split, &state.cut), &self.state.split);
         let Some(seen) = self.seen.clone().filter(|_| !pieces.is_empty()) else { return Ok(()) };
         let places = self.places(&seen, &self.state.moved)?;
-        let mesh = &self.whole.cuttable.of.splitter.mesh;
+        let mesh = &self.whole.cuttable.matter.splitter.mesh;
         for piece in &mut pieces {
-            let rest = |node: usize| mesh.nodes[node] - self.whole.cuttable.of.centre;
+            let rest = |node: usize| mesh.nodes[node] - self.whole.cuttable.matter.centre;
             let of = |node: &u32| (rest(*node as usize), places[*node as usize]);
             let own: Vec<(V3, V3)> = piece.nodes.iter().map(of).collect();
             piece.put(&own, &seen.room_from_columns);

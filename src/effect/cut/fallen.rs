@@ -63,7 +63,7 @@ impl Fallen {
         if parts.is_empty() {
             return Vec::new();
         }
-        let surface = of.of.splitter.surface(split, cut);
+        let surface = of.matter.splitter.surface(split, cut);
         parts.iter().map(|(part, corners)| Fallen::new(of, (split, &surface), part, corners)).collect()
     }
 
@@ -73,14 +73,14 @@ impl Fallen {
         part: &LoosePart,
         of_tets: &[TetCorner],
     ) -> Fallen {
-        let count = of.of.splitter.mesh.nodes.len();
+        let count = of.matter.splitter.mesh.nodes.len();
         let has = |corners: &&[u32; 3]| part.nodes.binary_search(&surface.corner(corners[0], count)).is_ok();
         let place = |corner: u32| match (corner as usize).checked_sub(count) {
-            None => of.of.splitter.mesh.nodes[corner as usize] - of.of.centre,
+            None => of.matter.splitter.mesh.nodes[corner as usize] - of.matter.centre,
             Some(point) => {
                 let CutPoint { nodes, share } = surface.points[point];
-                let [a, b] = nodes.map(|node| of.of.splitter.place(split, node));
-                a.lerp(&b, share) - of.of.centre
+                let [a, b] = nodes.map(|node| of.matter.splitter.place(split, node));
+                a.lerp(&b, share) - of.matter.centre
             }
         };
         let mut numbers: BTreeMap<u32, u32> = BTreeMap::new();
@@ -94,7 +94,7 @@ impl Fallen {
         let triangles: Vec<[u32; 3]> =
             surface.triangles.iter().filter(has).map(|corners| corners.map(&mut number)).collect();
         let mass: f64 =
-            shares(split, part).map(|((tet, _), own)| of.of.mass(tet) * own.iter().sum::<f64>()).sum();
+            shares(split, part).map(|((tet, _), own)| of.matter.mass(tet) * own.iter().sum::<f64>()).sum();
         let (middle, inertia) = inertia_of(&corners, &triangles, mass);
         corners.iter_mut().for_each(|x| *x -= middle);
         let pickable = PickShape { triangles: triangles.clone(), points: Vec::new() };
@@ -102,7 +102,7 @@ impl Fallen {
         let motion = Motion::at_rest(Isometry3::translation(middle.x, middle.y, middle.z));
         let corner = of_tets.first().copied().unwrap_or_default();
         let nodes: BTreeSet<u32> =
-            of_tets.iter().map(|(tet, k)| of.of.splitter.mesh.tets[*tet as usize][*k]).collect();
+            of_tets.iter().map(|(tet, k)| of.matter.splitter.mesh.tets[*tet as usize][*k]).collect();
         let nodes = nodes.into_iter().collect();
         Fallen {
             corner,

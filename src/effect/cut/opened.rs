@@ -45,7 +45,7 @@ const INEXACT: f64 = 1e-7;
 
 /// A body that can be cut.
 pub struct Cuttable {
-    pub of: Matter,
+    pub matter: Matter,
     /// The body as it is whole.
     pub base: Arc<Base>,
     /// Node of the mesh of each node of the surface.
@@ -126,20 +126,20 @@ impl Cuttable {
         let controls = names.iter().zip(held).map(control).collect();
         let mut surface_of = vec![None; mesh.nodes.len()];
         (0..).zip(&surface).for_each(|(at, node)| surface_of[*node as usize] = Some(at));
-        let of = Matter::new(Splitter::new(Arc::new(mesh)), lame, density, controls, centre);
-        let base = Arc::new(Base::whole_body(&of, &k, &forces, tables));
-        Ok(Cuttable { of, base, surface, surface_of })
+        let matter = Matter::new(Splitter::new(Arc::new(mesh)), lame, density, controls, centre);
+        let base = Arc::new(Base::whole_body(&matter, &k, &forces, tables));
+        Ok(Cuttable { matter, base, surface, surface_of })
     }
 
     /// The cut body as a base; waits for its factor.
     pub fn cut_base(&self, split: Arc<Split>, edges: usize) -> Result<Arc<Base>, String> {
-        Base::cut_body(&self.of, (split, edges), &self.base.tables).map(Arc::new)
+        Base::cut_body(&self.matter, (split, edges), &self.base.tables).map(Arc::new)
     }
 
     /// The motion of the body while it is whole: none beyond its own.
     pub fn unmoved(&self) -> Result<Moved, String> {
         let (split, opened) = (Split::default(), CutSurface::default());
-        let descent = Descent::new(&self.of, &split, &split);
+        let descent = Descent::new(&self.matter, &split, &split);
         let surface = self.corners_of(&opened, &descent);
         let system = System::new(&DMatrix::zeros(0, 0), Vec::new())?;
         let yielding = self.yielding((&self.base, system, FreeRows::default()), surface, (&split, &opened));
@@ -160,8 +160,8 @@ impl Cuttable {
         };
         let taking = (0..).zip(ends.iter().zip(&surface)).filter(takes).map(|(point, _)| point).collect();
         let side = |ends: &[u32; 2]| {
-            let own = ends.iter().find(|node| (**node as usize) < self.of.nodes());
-            split.original(*own.unwrap_or(&ends[0]), self.of.nodes())
+            let own = ends.iter().find(|node| (**node as usize) < self.matter.nodes());
+            split.original(*own.unwrap_or(&ends[0]), self.matter.nodes())
         };
         let sides = ends.iter().map(side).collect();
         Yielding { base: base.clone(), system, rows, surface, sides, taking }
@@ -175,15 +175,15 @@ impl Cuttable {
         known: &Known,
         (split, opened): (&Split, &CutSurface),
     ) -> Result<Opened, String> {
-        let descent = Descent::new(&self.of, split, &base.split);
-        let lost = loose::lost(&self.of, split, &base.split, &descent);
+        let descent = Descent::new(&self.matter, split, &base.split);
+        let lost = loose::lost(&self.matter, split, &base.split, &descent);
         let whole = &*base.whole_without(&lost)?;
-        let couplings = Couplings::new(&self.of, split, &descent);
+        let couplings = Couplings::new(&self.matter, split, &descent);
         let rows = FreeRows::new(couplings.rows.iter(), &base.free_at);
         let known = solve_copies(base, known, &couplings, &rows)?;
-        let affine = self.of.affine();
+        let affine = self.matter.affine();
         let acting = couplings.acting(whole, affine);
-        let free = loose::rigid_motions(&self.of, split, &descent);
+        let free = loose::rigid_motions(&self.matter, split, &descent);
         let system = System::new(&couplings.system(&known.gx), free)?;
         let (w, missed) = system.solve(&acting);
         let work = w.tr_mul(&acting);
@@ -201,8 +201,8 @@ impl Cuttable {
         let yielding = Arc::new(self.yielding((base, system, rows), surface, (split, opened)));
         let nodes = &base.split.copies;
         let place = |node: u32| {
-            let node = (node as usize).checked_sub(self.of.nodes()).map_or(node, |copy| nodes[copy]);
-            self.of.splitter.mesh.nodes[node as usize] - self.of.centre
+            let node = (node as usize).checked_sub(self.matter.nodes()).map_or(node, |copy| nodes[copy]);
+            self.matter.splitter.mesh.nodes[node as usize] - self.matter.centre
         };
         let weight = base.weight_without(&lost, place, [base.whole()?, whole]);
         let weight = weight.map(|[reaction, compliance, lost]| NewWeight {
@@ -227,13 +227,13 @@ impl Cuttable {
 
     /// Data on the copies after one more step on the way to a cut, as if the body had been opened there.
     pub fn follow(&self, base: &Base, known: &Known, split: &Split) -> Result<Known, String> {
-        let couplings = Couplings::new(&self.of, split, &Descent::new(&self.of, split, &base.split));
+        let couplings = Couplings::new(&self.matter, split, &Descent::new(&self.matter, split, &base.split));
         solve_copies(base, known, &couplings, &FreeRows::new(couplings.rows.iter(), &base.free_at))
     }
 
     /// The nodes of which each point of the cut surface is the sum.
     fn corners_of(&self, opened: &CutSurface, descent: &Descent) -> Vec<Corners> {
-        let count = self.of.nodes();
+        let count = self.matter.nodes();
         let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
         let mut surface: Vec<Corners> = self.surface.iter().map(alone).collect();
         surface.extend(opened.points.iter().map(|point| {
@@ -250,17 +250,17 @@ impl Cuttable {
     /// Places at rest of the points beyond the nodes, about the centre.
     fn points_of(&self, split: &Split, opened: &CutSurface) -> Vec<[f32; 3]> {
         let place = |point: &CutPoint| {
-            let [a, b] = point.nodes.map(|node| self.of.splitter.place(split, node));
-            (a.lerp(&b, point.share) - self.of.centre).cast::<f32>().into()
+            let [a, b] = point.nodes.map(|node| self.matter.splitter.place(split, node));
+            (a.lerp(&b, point.share) - self.matter.centre).cast::<f32>().into()
         };
         opened.points.iter().map(place).collect()
     }
 
     /// The points that belong to each control element: those between two of its nodes. A copy is not held.
     fn held_of(&self, opened: &CutSurface) -> Vec<Vec<u32>> {
-        let mut held = vec![Vec::new(); self.of.affine() / FIELDS];
+        let mut held = vec![Vec::new(); self.matter.affine() / FIELDS];
         for (at, point) in (self.surface.len() as u32..).zip(&opened.points) {
-            let [a, b] = point.nodes.map(|node| self.of.held.get(node as usize).copied().flatten());
+            let [a, b] = point.nodes.map(|node| self.matter.held.get(node as usize).copied().flatten());
             if let (Some(e), true) = (a, a == b) {
                 held[e].push(at);
             }
@@ -269,7 +269,7 @@ impl Cuttable {
     }
 
     fn triangles_of(&self, split: &Split, opened: &CutSurface) -> Result<Vec<[u32; 3]>, String> {
-        let count = self.of.nodes();
+        let count = self.matter.nodes();
         let old = self.surface.len();
         let number = |node: u32| match (node as usize).checked_sub(count) {
             None => self.surface_of[node as usize],
@@ -285,7 +285,7 @@ impl Cuttable {
 
     /// Edges of the mesh, once each.
     pub fn edges(&self) -> Vec<[u32; 2]> {
-        let tets = &self.of.splitter.mesh.tets;
+        let tets = &self.matter.splitter.mesh.tets;
         let mut edges: Vec<[u32; 2]> = tets.iter().flat_map(crate::mesh::edges_of).collect();
         edges.sort_unstable();
         edges.dedup();
@@ -294,7 +294,7 @@ impl Cuttable {
 
     /// The mesh after these cuts, which go on from those of a base.
     pub fn split(&self, cut: &CutEdges, base: &Base) -> Split {
-        self.of.split(cut, &base.split)
+        self.matter.split(cut, &base.split)
     }
 
     /// Places of all nodes of the mesh in a shape, about the centre, m.
@@ -310,9 +310,9 @@ impl Cuttable {
             let u = V3::from_fn(|k, _| axis(3 * node + k));
             let free = base.free_at[node].map(|free| 3 * free as usize);
             let free = free.and_then(|row| pressed.get(row..row + 3));
-            x - self.of.centre + u + free.map_or_else(V3::zeros, |own| V3::from_fn(|k, _| own[k]))
+            x - self.matter.centre + u + free.map_or_else(V3::zeros, |own| V3::from_fn(|k, _| own[k]))
         };
-        Ok(self.of.splitter.mesh.nodes.iter().enumerate().map(place).collect())
+        Ok(self.matter.splitter.mesh.nodes.iter().enumerate().map(place).collect())
     }
 }
 

@@ -90,7 +90,7 @@ impl Whole {
                 ((base, at), split)
             }
         };
-        let surface = self.cuttable.of.splitter.surface(&split, &cut);
+        let surface = self.cuttable.matter.splitter.surface(&split, &cut);
         let is_same =
             split.pieces == before.split.pieces && (split.pieces.is_empty() || surface == *before.surface);
         if is_same && Arc::ptr_eq(&base.0, before.moved.base()) {

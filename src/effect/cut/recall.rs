@@ -156,7 +156,7 @@ impl CutBody {
             if wanted.contains(&at) {
                 let earlier =
                     found.get(if *base == at { &before } else { base }).ok_or_else(|| self.is_other())?;
-                let split = self.whole.cuttable.of.split(&cut, &earlier.split);
+                let split = self.whole.cuttable.matter.split(&cut, &earlier.split);
                 found.insert(at, Mesh { split: Arc::new(split), edges: cut.len() });
             }
             before = *base;
@@ -184,7 +184,7 @@ impl CutBody {
         for (at, step) in (1..).zip(steps) {
             self.add_all(&step.edges)?;
             let Mesh { split: earlier, edges } = meshes.get(&step.base).ok_or_else(|| self.is_other())?;
-            let split = self.whole.cuttable.of.split(&self.cut, earlier);
+            let split = self.whole.cuttable.matter.split(&self.cut, earlier);
             let mut pieces = Fallen::all(&self.whole.cuttable, (&split, &self.cut), &before);
             self.fallen.append(&mut pieces);
             let is_needed = (at..=bases.len()).any(|later| is_shown(later) && bases[later - 1] == step.base);

@@ -123,7 +123,7 @@ fn slits_are_solved_anew(volume: &Volume, cuttable: &Cuttable, renews: bool) {
             cut.insert(edge, share);
         }
         let split = cuttable.split(&cut, &base);
-        let points = cuttable.of.splitter.surface(&split, &cut);
+        let points = cuttable.matter.splitter.surface(&split, &cut);
         let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
         let (mesh, lame) = as_mesh(volume, &split);
         let (stiffness, fields) = anew(&mesh, &lame, &volume.held, &controls(volume));
@@ -210,7 +210,7 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
         let cut = by_plane(&across.mesh, V3::x(), middle.x, |x| x.y > middle.y);
         let across = cuttable(&across);
         let split = across.split(&cut, &across.base);
-        let surface = across.of.splitter.surface(&split, &cut);
+        let surface = across.matter.splitter.surface(&split, &cut);
         let opened = across.open(&across.base, &Known::default(), (&split, &surface)).unwrap();
         let softer = bending(&across.base.tables.stiffness) - bending(&opened.surface.stiffness);
         let expected = bending(&whole) - bending(&reference);
@@ -241,7 +241,7 @@ fn surface_yields(volume: &Volume, cuttable: &Cuttable, renews: bool) {
         base = cuttable.cut_base(split, half.len()).unwrap();
     }
     let split = cuttable.split(&cut, &base);
-    let surface = cuttable.of.splitter.surface(&split, &cut);
+    let surface = cuttable.matter.splitter.surface(&split, &cut);
     let points = &surface.points;
     let opened = cuttable.open(&base, &Known::default(), (&split, &surface)).unwrap();
     assert!(opened.known.count() > 5 && (opened.known.count() < split.copies.len()) == renews);
@@ -377,7 +377,7 @@ fn what_falls_off_is_no_part_of_the_body_any_more() {
         cut.extend(more);
         let split = cuttable.split(&cut, &base);
         assert_eq!(split.loose.len(), 1);
-        let points = cuttable.of.splitter.surface(&split, &cut);
+        let points = cuttable.matter.splitter.surface(&split, &cut);
         let opened = cuttable.open(&base, &known, (&split, &points)).unwrap();
         let (mesh, lame, numbers) = held_mesh(&volume, &split);
         let held: Vec<Vec<u32>> =
@@ -452,7 +452,7 @@ fn a_piece_of_one_tetrahedron_comes_off() {
     let weight = Some([DMatrix::zeros(FIELDS, 3), DMatrix::zeros(3, 3)]);
     let tables = Tables { stiffness: stiffness.clone(), weight, takes_points: true };
     let cuttable = Cuttable::new(volume.clone(), &["a"], V3::zeros(), tables).unwrap();
-    let splitter = &cuttable.of.splitter;
+    let splitter = &cuttable.matter.splitter;
     let is_corner = |node: &u32| splitter.tets_around(*node).len() == 1 && !volume.held[0].contains(node);
     let node = (0..volume.mesh.nodes.len() as u32).find(is_corner).unwrap();
     let tet = splitter.tets_around(node)[0];
@@ -464,7 +464,7 @@ fn a_piece_of_one_tetrahedron_comes_off() {
     let opened = cuttable.open(&cuttable.base, &Known::default(), (&split, &points)).unwrap();
     let changed = (&opened.surface.stiffness - &stiffness).amax() / stiffness.amax();
     let pieces = Fallen::all(&cuttable, (&split, &cut), &Split::default());
-    let mass = cuttable.of.mass(tet) * 0.3_f64.powi(3);
+    let mass = cuttable.matter.mass(tet) * 0.3_f64.powi(3);
     let off = pieces[0].mass() / mass - 1.0;
     println!(
         "{} copies, stiffness changed by {changed:e}, mass off by {off:e}, {:e}",
