@@ -214,9 +214,9 @@ fn play(model: &'static ModelEntry, frames: usize, longest: usize) -> [usize; 2]
 
 fn frames_of(model: &ModelEntry) -> [usize; 2] {
     match (model.name, model.kind) {
-        ("plate" | "reduced" | "reduced_neo_hookean", _) | (_, Kind::Background(_)) => [240, 12],
-        ("substructured", _) => [600, 12],
-        _ => [1500, 60],
+        ("plate" | "reduced" | "reduced_neo_hookean", _) | (_, Kind::Background(_)) => [180, 12],
+        ("substructured", _) => [400, 12],
+        _ => [1000, 60],
     }
 }
 

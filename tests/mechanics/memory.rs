@@ -24,8 +24,8 @@ fn is_solved(model: &ModelEntry) -> bool {
 fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
     let (size, cells) = match (model.name, model.kind) {
         ("plate", _) => ("[0.6, 0.2, 0.02]", "[9, 3, 1]"),
-        (_, Kind::Background(_)) => ("[1.0, 0.1, 0.1]", "[8, 1, 1]"),
-        _ => ("[1.0, 0.1, 0.1]", "[10, 2, 2]"),
+        (_, Kind::Background(_)) => ("[1.0, 0.1, 0.1]", "[5, 1, 1]"),
+        _ => ("[1.0, 0.1, 0.1]", "[8, 2, 2]"),
     };
     let loads = match (with_loads, is_solved(model)) {
         (false, _) => "",
