@@ -7,10 +7,11 @@ use crate::base::output;
 use crate::base::output::Kind;
 use crate::base::text::quoted;
 use crate::deform::find_model;
-use crate::effect::find_effect;
+use crate::effect::{EffectEntry, find_effect};
 use crate::mesh::formats::files_of;
 use crate::scene::proposal::pull::{self, length, poses_path};
 use crate::scene::proposal::{Proposal, Wishes};
+use crate::session::open;
 use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
@@ -19,6 +20,7 @@ Examples:
   greenstage new part.stl --unit mm --material steel        a surface is filled with tetrahedra
   greenstage new part.msh --fixed base --grab tip -o scenes/part.toml
   greenstage new part.stl --unit mm --pull 5mm              how much force for 5 mm?
+  greenstage new part.msh --effects contact,cut             with a probe and a blade in the hands
 
 Then `greenstage view part.toml`. Every line of the file has its reason beside it; change what you
 like. `greenstage manual materials` lists the materials, `greenstage inspect part.msh` the node groups.";
@@ -50,7 +52,8 @@ pub struct Args {
     /// How it deforms: rotation, reduced, linear, …; `greenstage manual scene` compares the models
     #[arg(long, value_parser = model)]
     pub model: Option<String>,
-    /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress); `greenstage manual scene` lists them
+    /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress) or contact,cut (with a probe and a
+    /// blade in the hands); `greenstage manual scene` lists them
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = effect)]
     pub effects: Vec<String>,
     /// How much force does this take? Takes the element, model and effects that are made for forces, and writes poses that pull
@@ -94,7 +97,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         output::try_path(poses, &POSES, &files_of(&args.mesh))?;
     }
+    let lists =
+        |of: fn(&EffectEntry) -> bool| args.effects.iter().filter_map(|name| find_effect(name).ok()).any(of);
+    let (is_touched, is_cut) = (lists(|effect| effect.presses_points), lists(|effect| effect.is_cut));
     let wishes = Wishes {
+        is_touched,
+        is_cut,
         effects: args.effects.clone(),
         pull_m: args.pull,
         scale: args.metres_per_unit,
@@ -105,7 +113,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         cell: args.cell,
         ..args.guess.wishes()
     };
-    let proposal = opening::propose(&args.mesh, &path, wishes)?;
+    let mut proposal = opening::propose(&args.mesh, &path, wishes)?;
+    if is_touched || is_cut {
+        let stage = open::stage(&proposal.scene, None)?;
+        proposal.add_tools(is_cut, is_touched, 2.0 * stage.workspace.radius_m);
+    }
     let text = proposal.text()?;
     let mut staged = vec![output::stage(&path, &SCENE, |file| file.write_all(text.as_bytes()))?];
     if let Some((by_m, poses)) = &poses {
@@ -161,12 +173,47 @@ fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::{EFFECTS, Resolved};
+    use crate::mesh::{Block, block, save};
     use crate::scene::proposal::choice::{ERRORS, FORCES};
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
 
     #[test]
     fn the_effects_that_a_pull_lists_are_there() {
         for name in FORCES.into_iter().chain([ERRORS]) {
             assert_eq!(effect(name).as_deref(), Ok(name));
+        }
+    }
+
+    /// `check` accepts what was proposed, with the tools that touch and cut.
+    #[test]
+    fn a_scene_with_effects_can_be_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = folder.path().join("bar.msh");
+        let bar = Block { size: [0.3, 0.1, 0.1], cells: [6, 2, 2] };
+        save(&mesh, &block(&bar).unwrap(), None).unwrap();
+        let alone = EFFECTS.iter().filter(|effect| !effect.is_heard).map(|effect| effect.name);
+        for effects in alone.chain(["contact,cut,dynamics,haptics,sound"]) {
+            let mesh = mesh.to_str().unwrap();
+            let line =
+                Line::parse_from(["new", mesh, "--force", "--effects", effects, "--material", "steel"]);
+            run(&line.args).unwrap();
+            let scene = Resolved::load(Path::new(mesh).with_extension("toml").as_path());
+            let scene = scene.unwrap_or_else(|error| panic!("{effects}: {error}"));
+            let styli: Vec<_> =
+                scene.tool.values().map(|tool| (tool.shape.is_blade(), tool.stylus)).collect();
+            match effects {
+                "cut" => assert_eq!(styli, [(true, Some(1))]),
+                "contact" => assert_eq!(styli, [(false, Some(1))]),
+                both if both.contains("cut") => assert_eq!(styli, [(true, Some(1)), (false, Some(2))]),
+                _ => assert!(styli.is_empty()),
+            }
         }
     }
 }

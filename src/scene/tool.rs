@@ -111,6 +111,11 @@ impl ToolShape {
 }
 
 impl Tool {
+    /// A tool that stands in the room, at its origin.
+    pub fn new(shape: ToolShape) -> Tool {
+        Tool { shape, stylus: None, position: [0.0; 3], rotation: [0.0; 3], stiffness: None, color: steel() }
+    }
+
     /// The error is a key of the tool, and what is wrong with it.
     pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
         self.shape.check().map_err(|message| ("shape", message))?;

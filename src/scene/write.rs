@@ -2,7 +2,7 @@
 //!
 //! In: a [`Scene`] and [`Comments`]. Out: TOML that [`Scene::parse`] reads back as the same scene.
 
-use super::{Body, Material, Scene, SceneError};
+use super::{Body, Material, Scene, SceneError, Tool};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -30,11 +30,23 @@ pub fn text(scene: &Scene, comments: &Comments) -> Result<String, SceneError> {
     }
     let mut block = Block::new(comments, "");
     for (key, value) in entries(scene, scene)? {
-        if key != "body" {
+        if key != "body" && key != "tool" {
             block.line(&key, &value);
         }
     }
     block.end(&mut text);
+    for (name, tool) in &scene.tool {
+        let plain = format!("tool.{name}");
+        table(&mut text, comments, &plain, &format!("tool.{}", quoted_key(name)));
+        let mut block = Block::new(comments, &format!("{plain}."));
+        let usual = entries(scene, &Tool::new(tool.shape.clone()))?;
+        for (key, value) in entries(scene, tool)? {
+            if key == "shape" || usual.get(&key) != Some(&value) {
+                block.line(&key, &value);
+            }
+        }
+        block.end(&mut text);
+    }
     for (name, body) in &scene.body {
         let body = &body.as_written();
         let path = format!("body.{}", quoted_key(name));

@@ -92,6 +92,11 @@ pub fn choose(
     let reduced = of_two.as_ref().map_or("reduced", |(model, _)| model);
     let (model, comment, why) = match &wishes.model {
         Some(model) => (model.as_str(), String::new(), "as you asked".to_owned()),
+        None if wishes.is_touched || wishes.is_cut => (
+            "rotation",
+            "presses single points and can be cut, as \"linear\" can".to_owned(),
+            "because a body that is touched or cut is a sum of columns in one frame".to_owned(),
+        ),
         None if is_soft => (
             "neo_hookean",
             "static equilibrium at large strain, found anew for every pose".to_owned(),
@@ -126,7 +131,17 @@ pub fn choose(
                 .to_owned(),
         ),
     };
-    let element = element_of(model, is_incompressible, asks_forces, is_large);
+    let element = match wishes.is_cut {
+        true => &TET4,
+        false => element_of(model, is_incompressible, asks_forces, is_large),
+    };
+    if wishes.is_cut && is_incompressible {
+        telling.warnings.push(format!(
+            "a blade divides linear tetrahedra alone, which are too stiff at a Poisson's ratio of {}: a material of at most {INCOMPRESSIBLE} \
+             is truer",
+            material.poisson
+        ));
+    }
     if element == &TET4_ANP {
         telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
     }

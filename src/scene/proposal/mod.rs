@@ -10,6 +10,7 @@ mod filling;
 mod grouped;
 pub mod pull;
 mod telling;
+mod tools;
 mod wishes;
 
 pub use doubt::{ProposalError, UnitDoubt};

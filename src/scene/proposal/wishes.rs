@@ -19,6 +19,9 @@ pub struct Wishes {
     pub grab: Vec<String>,
     /// Distance by which the ends are to be pulled, m, where forces are asked for.
     pub pull_m: Option<f64>,
+    /// Whether an effect presses single points of the body, and whether one cuts it.
+    pub is_touched: bool,
+    pub is_cut: bool,
     /// Edge of the cells with which a surface is filled, m.
     pub cell: Option<f64>,
 }

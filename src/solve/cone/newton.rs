@@ -25,7 +25,7 @@ const SKIN: f64 = 1e-10;
 /// Motion of a contact that touches.
 #[derive(Clone, Copy)]
 enum State {
-    /// It slides without friction.
+    /// No friction holds it.
     Free,
     Sticks,
     /// Along this unit vector, with this τ.
