@@ -6,7 +6,6 @@
 
 use super::loose::{self, moments_of};
 use super::matter::Matter;
-use super::point_fields::PointFields;
 use super::solves::Solves;
 use crate::fem::dense_fields::{products, rows, split_columns};
 use crate::fem::{Element, Lame, NodeFields, Partition, StiffnessMatrix, TET4};
@@ -33,7 +32,7 @@ pub struct Base {
     pub partition: Partition,
     /// Place of each node among the free ones.
     pub free_at: Vec<Option<u32>>,
-    pub fields: PointFields,
+    pub solves: Solves,
     pub tables: Tables,
     /// Forces and moments of gravity on what has fallen off: 12 × 3.
     pub lost: DMatrix<f64>,
@@ -115,9 +114,9 @@ impl Base {
                 row.copy_from_slice(&force(*node as usize, axis)[..weights]);
             }
         }
-        let fields = PointFields::new(Solves::start(partition.a(k)), partition.free.len());
+        let solves = Solves::start(partition.a(k));
         let (whole, lost) = (OnceLock::new(), DMatrix::zeros(12, 3));
-        Base { split, edges, partition, free_at, fields, tables, lost, whole, loads, prescribed }
+        Base { split, edges, partition, free_at, solves, tables, lost, whole, loads, prescribed }
     }
 
     /// U and the columns of gravity over all nodes.
@@ -125,7 +124,7 @@ impl Base {
         if let Some(whole) = self.whole.get() {
             return Ok(whole);
         }
-        let free = self.fields.solves.solve(self.loads.clone())?;
+        let free = self.solves.solve(self.loads.clone())?;
         let mut fields = self.prescribed.clone();
         self.partition.insert_free(&free, &mut fields);
         Ok(self.whole.get_or_init(|| Arc::new(fields)))

@@ -300,7 +300,7 @@ impl CutBody {
     pub(super) fn rest_others(&self) {
         let others = self.strokes.iter().map(|(_, state)| &state.base.0).chain([&self.whole.cuttable.base]);
         let others = others.filter(|base| !Arc::ptr_eq(base, &self.state.base.0));
-        others.for_each(|base| base.fields.solves.rest());
+        others.for_each(|base| base.solves.rest());
     }
 
     /// Number of free nodes of the mesh.
@@ -343,6 +343,7 @@ impl CutBody {
     pub(super) fn go_to(&mut self, state: State) {
         if !Arc::ptr_eq(&state.file, &self.state.file) {
             self.state.file.forget_columns(&self.whole.name);
+            self.state.moved.forget();
             self.remade = Some(state.file.clone());
         }
         self.state = state;
@@ -370,7 +371,7 @@ impl CutBody {
         self.cut.clone_from(&state.cut);
         self.fallen.retain(|piece| state.split.is_loose_at(piece.corner));
         self.last = state.moved.clone();
-        state.base.0.fields.solves.wake();
+        state.base.0.solves.wake();
         self.go_to(state);
     }
 

@@ -121,16 +121,11 @@ impl FreeRows {
 
     /// G x, with x at these nodes.
     pub fn times(&self, x: &NodeFields) -> DMatrix<f64> {
-        self.times_at(&|place, axis| x.row(3 * place + axis), x.columns)
-    }
-
-    /// G x, with the row of x for each place and axis.
-    pub fn times_at<'x>(&self, x: &dyn Fn(usize, usize) -> &'x [f64], columns: usize) -> DMatrix<f64> {
-        let mut product = DMatrix::zeros(3 * self.rows.len(), columns);
+        let mut product = DMatrix::zeros(3 * self.rows.len(), x.columns);
         for (i, row) in self.rows.iter().enumerate() {
             for (place, block) in row {
                 for axis in 0..3 {
-                    for (k, x) in x(*place, axis).iter().enumerate() {
+                    for (k, x) in x.row(3 * place + axis).iter().enumerate() {
                         (0..3).for_each(|r| product[(3 * i + r, k)] += block[(r, axis)] * x);
                     }
                 }

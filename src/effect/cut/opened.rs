@@ -26,7 +26,7 @@ use super::couplings::{CopyKey, Couplings, FreeRows};
 use super::descent::Descent;
 use super::loose;
 use super::matter::Matter;
-use super::solves::TOGETHER;
+use super::point_fields::PointFields;
 use super::system::System;
 use super::yielding::{Corner, Corners, Yielding};
 use crate::base::machine;
@@ -39,6 +39,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 type V3 = Vector3<f64>;
+
+/// Copies that are solved for together.
+const TOGETHER: usize = 8;
 
 /// A cut body is refused whose equations are missed by a larger part than this.
 const INEXACT: f64 = 1e-7;
@@ -89,6 +92,11 @@ pub struct Moved {
 impl Moved {
     pub fn base(&self) -> &Arc<Base> {
         &self.yielding.base
+    }
+
+    /// Drops what was found for forces at single nodes.
+    pub fn forget(&self) {
+        self.yielding.fields.forget();
     }
 
     /// The node of the mesh on whose side a point of the surface lies.
@@ -164,7 +172,7 @@ impl Cuttable {
             split.original(*own.unwrap_or(&ends[0]), self.matter.nodes())
         };
         let sides = ends.iter().map(side).collect();
-        Yielding { base: base.clone(), system, rows, surface, sides, taking }
+        Yielding { base: base.clone(), system, rows, surface, sides, taking, fields: PointFields::default() }
     }
 
     /// The body after cuts by which its mesh has fallen into these pieces, from a base with what is known of an earlier cut. The error says
@@ -234,7 +242,7 @@ impl Cuttable {
     /// The nodes of which each point of the cut surface is the sum.
     fn corners_of(&self, opened: &CutSurface, descent: &Descent) -> Vec<Corners> {
         let count = self.matter.nodes();
-        let alone = |node: &u32| vec![Corner { node: *node, copy: None, share: 1.0 }];
+        let alone = |node: &u32| vec![Corner::of(*node)];
         let mut surface: Vec<Corners> = self.surface.iter().map(alone).collect();
         surface.extend(opened.points.iter().map(|point| {
             let shares = [1.0 - point.share, point.share];
@@ -339,7 +347,7 @@ fn solve_copies(base: &Base, known: &Known, couplings: &Couplings, all: &FreeRow
         let own = FreeRows::new(some.iter().map(|i| &rows[*i]), &base.free_at);
         let unit = -DMatrix::<f64>::identity(3 * some.len(), 3 * some.len());
         let b = own.minus_transposed(&unit, 3 * some.len());
-        let product = all.times(&base.fields.solves.solve_at(own.at, b, Some(all.at.clone()))?);
+        let product = all.times(&base.solves.solve_at(own.at, b, Some(all.at.clone()))?);
         for (k, j) in some.iter().enumerate() {
             for i in 0..keys.len() {
                 let block = product.fixed_view::<3, 3>(3 * i, 3 * k);
@@ -362,7 +370,7 @@ fn opened_fields(
     if rows.count() == 0 {
         return Ok(fields);
     }
-    let beyond = base.fields.solves.solve_at(rows.at.clone(), rows.minus_transposed(w, w.ncols()), None)?;
+    let beyond = base.solves.solve_at(rows.at.clone(), rows.minus_transposed(w, w.ncols()), None)?;
     for (free, node) in base.partition.free.iter().enumerate() {
         for axis in 0..3 {
             let own = fields.row_mut(3 * *node as usize + axis);

@@ -10,6 +10,7 @@ use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 type V3 = Vector3<f64>;
 
@@ -290,6 +291,27 @@ fn surface_yields(volume: &Volume, cuttable: &Cuttable, renews: bool) {
     for (node, column) in asked.iter().zip(&columns) {
         assert!(compliance.columns(&[*node]).unwrap()[0] == *column, "node {node}");
     }
+    let (pressed, force) = (volume.surface[asked[1] as usize], V3::new(1.0, -2.0, 0.5));
+    let shape = Shape { coefficients: &[], forces: &[(pressed, force)] };
+    let count = || base.solves.asked.load(Ordering::Relaxed);
+    let before = count();
+    let places = cuttable.places(&opened.moved, &shape).unwrap();
+    assert_eq!(count(), before, "a column is enough for a blade");
+    let mut b = NodeFields::zeros(mesh.nodes.len(), 1);
+    (0..3).for_each(|axis| b.row_mut(3 * pressed as usize + axis)[0] = force[axis]);
+    let mut u = NodeFields::zeros(mesh.nodes.len(), 1);
+    partition.insert_free(&factor.solve(&b.at(&partition.free), &Silent).unwrap().0, &mut u);
+    let most = u.data.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+    let apart = places
+        .iter()
+        .zip(&volume.mesh.nodes)
+        .zip(u.data.chunks_exact(3))
+        .map(|((place, rest), u)| (place - rest - V3::from_column_slice(u)).amax() / most);
+    let apart = apart.fold(0.0, f64::max);
+    println!("places off by a part of {apart:e}");
+    assert!(apart < 4e-7, "{apart:e}");
+    opened.moved.forget();
+    assert!(cuttable.places(&opened.moved, &shape).unwrap() == places && count() > before);
 }
 
 /// The cut body without what nothing holds, as a mesh of its own, with the new number of each node.

@@ -28,7 +28,7 @@ impl Base {
         for (at, (_, mass)) in loaded.iter().enumerate() {
             (0..3).for_each(|axis| b.row_mut(3 * at + axis)[axis] = *mass);
         }
-        let x = self.fields.solves.solve_at(loaded.into_iter().map(|(free, _)| free).collect(), b, None)?;
+        let x = self.solves.solve_at(loaded.into_iter().map(|(free, _)| free).collect(), b, None)?;
         let mut fields = NodeFields::clone(&whole);
         for (at, node) in self.partition.free.iter().enumerate() {
             for axis in 0..3 {

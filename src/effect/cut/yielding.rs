@@ -6,14 +6,17 @@
 //! ```text
 //! (H - G X) v = g - G A⁻¹ f        u = A⁻¹ (f - Gᵀ v)
 //! ```
+//!
+//! u of nodes that are pressed is kept at all free nodes: a blade asks where they are in every frame.
 
 use super::base::Base;
 use super::couplings::FreeRows;
+use super::point_fields::PointFields;
 use super::system::System;
 use crate::fem::NodeFields;
 use crate::green::{SolvedCompliance, Yield};
 use nalgebra::{DMatrix, Vector3};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::sync::Arc;
 
@@ -33,6 +36,13 @@ pub struct Corner {
     pub share: f64,
 }
 
+impl Corner {
+    /// Corner at a single node that is no copy.
+    pub fn of(node: u32) -> Corner {
+        Corner { node, copy: None, share: 1.0 }
+    }
+}
+
 /// The nodes of which each point of a surface is the sum: one of its own, or the two ends of an edge.
 pub type Corners = Vec<Corner>;
 
@@ -47,14 +57,29 @@ pub struct Yielding {
     pub sides: Vec<u32>,
     /// Points that take forces.
     pub taking: Vec<u32>,
+    /// u of nodes of the mesh that were pressed.
+    pub fields: PointFields,
 }
 
 /// Unit forces along x, y and z at some points, and the answer to them.
 struct Pressed {
     /// v, 3 copies × 3 for each point.
     v: DMatrix<f64>,
-    /// u at the free nodes that have a part in the surface.
+    /// u at all free nodes, 3 for each point.
     u: NodeFields,
+}
+
+impl Pressed {
+    /// u for the point of this number.
+    fn field(&self, number: usize) -> Arc<Yield> {
+        let row = |row: usize| {
+            let u = &self.u.row(row)[3 * number..];
+            [u[0], u[1], u[2]].map(|u| u as f32)
+        };
+        Arc::new(
+            (0..self.u.nodes).map(|node| [row(3 * node), row(3 * node + 1), row(3 * node + 2)]).collect(),
+        )
+    }
 }
 
 impl Yielding {
@@ -67,17 +92,10 @@ impl Yielding {
         self.base.free_at.get(node as usize).copied().flatten()
     }
 
-    /// G A⁻¹ f of fields at all free nodes.
-    fn lifted(&self, field: &NodeFields) -> DMatrix<f64> {
-        let x = |place: usize, axis| field.row(3 * self.rows.at[place] as usize + axis);
-        self.rows.times_at(&x, field.columns)
-    }
-
-    /// Presses [`TOGETHER`] points at most, and finds u at the free nodes `shown`.
-    fn press(&self, points: &[u32], shown: &[u32]) -> Result<Pressed, String> {
-        let (columns, solves) = (3 * TOGETHER, &self.base.fields.solves);
-        let corners = |point: &u32| self.corners(*point).iter();
-        let pressed = points.iter().flat_map(corners).filter_map(|corner| self.free(corner.node));
+    /// Presses [`TOGETHER`] points at most.
+    fn press(&self, points: &[&[Corner]]) -> Result<Pressed, String> {
+        let (columns, solves) = (3 * TOGETHER, &self.base.solves);
+        let pressed = points.iter().copied().flatten().filter_map(|corner| self.free(corner.node));
         let at: Vec<u32> = pressed.collect::<BTreeSet<u32>>().into_iter().collect();
         let all: BTreeSet<u32> = at.iter().chain(&self.rows.at).copied().collect();
         let all: Vec<u32> = all.into_iter().collect();
@@ -85,7 +103,7 @@ impl Yielding {
         let mut f = NodeFields::zeros(at.len(), columns);
         let mut v = DMatrix::zeros(3 * self.rows.count(), columns);
         for (k, Corner { node, copy, share }) in
-            points.iter().enumerate().flat_map(|(k, point)| corners(point).map(move |corner| (k, corner)))
+            points.iter().enumerate().flat_map(|(k, corners)| corners.iter().map(move |corner| (k, corner)))
         {
             for axis in 0..3 {
                 copy.iter().for_each(|copy| v[(3 * copy + axis, 3 * k + axis)] += share);
@@ -112,27 +130,20 @@ impl Yielding {
             }
             add(&self.rows.at, &self.rows.minus_transposed(&v, columns));
         }
-        Ok(Pressed { v, u: solves.solve_at(all, b, Some(shown.to_vec()))? })
-    }
-
-    /// The free nodes that have a part in the surface, ascending.
-    fn shown(&self) -> Vec<u32> {
-        let mut shown: Vec<u32> =
-            self.surface.iter().flatten().filter_map(|corner| self.free(corner.node)).collect();
-        shown.sort_unstable();
-        shown.dedup();
-        shown
+        Ok(Pressed { v, u: solves.solve_at(all, b, None)? })
     }
 
     /// The displacement of a point of the surface by axis, for a force along each axis at the pressed point of this number.
-    fn moved(&self, corners: &Corners, pressed: &Pressed, (shown, number): (&[u32], usize)) -> [[f32; 3]; 3] {
+    fn moved(&self, corners: &Corners, pressed: &Pressed, number: usize) -> [[f32; 3]; 3] {
         let mut u = [[0.0_f64; 3]; 3];
         for Corner { node, copy, share } in corners {
             if let Some(copy) = copy {
                 add(&mut u, |axis, force| share * pressed.v[(3 * copy + axis, 3 * number + force)]);
             }
-            if let Some(at) = self.free(*node).and_then(|free| shown.binary_search(&free).ok()) {
-                add(&mut u, |axis, force| share * pressed.u.row(3 * at + axis)[3 * number + force]);
+            if let Some(free) = self.free(*node) {
+                add(&mut u, |axis, force| {
+                    share * pressed.u.row(3 * free as usize + axis)[3 * number + force]
+                });
             }
         }
         u.map(|row| row.map(|u| u as f32))
@@ -145,23 +156,32 @@ impl Yielding {
 
     /// Displacements of all free nodes by forces at nodes of the mesh, 3 for each; empty without forces.
     pub fn field(&self, forces: &[(u32, V3)]) -> Result<Vec<f64>, String> {
-        let fields = self.base.fields.at(forces.iter().filter_map(|(node, _)| self.free(*node)))?;
-        let mut pressed: Option<NodeFields> = None;
+        let fields = self.fields_of(forces.iter().map(|(node, _)| *node))?;
+        let mut sum = Vec::new();
         for (node, force) in forces {
-            let Some(field) = self.free(*node).and_then(|free| fields.get(&free)) else { continue };
-            let pressed = pressed.get_or_insert_with(|| NodeFields::zeros(field.nodes, 1));
-            let own =
-                field.data.chunks_exact(3).map(|row| row[0] * force.x + row[1] * force.y + row[2] * force.z);
-            pressed.data.iter_mut().zip(own).for_each(|(u, own)| *u += own);
+            let Some(field) = fields.get(node) else { continue };
+            sum.resize(3 * field.len(), 0.0);
+            let along = |row: &[f32; 3]| row.iter().zip(force).map(|(u, f)| f64::from(*u) * f).sum::<f64>();
+            sum.iter_mut().zip(field.as_flattened()).for_each(|(sum, row)| *sum += along(row));
         }
-        let Some(mut pressed) = pressed else { return Ok(Vec::new()) };
-        if self.rows.count() > 0 {
-            let (v, _) = self.system.solve(&-self.lifted(&pressed));
-            let b = self.rows.minus_transposed(&v, 1);
-            let beyond = self.base.fields.solves.solve_at(self.rows.at.clone(), b, None)?;
-            pressed.data.iter_mut().zip(&beyond.data).for_each(|(u, beyond)| *u += beyond);
+        Ok(sum)
+    }
+
+    /// Displacements of all free nodes by unit forces at each of these nodes of the mesh that is free.
+    fn fields_of(&self, nodes: impl Iterator<Item = u32>) -> Result<BTreeMap<u32, Arc<Yield>>, String> {
+        let nodes: BTreeSet<u32> = nodes.filter(|node| self.free(*node).is_some()).collect();
+        let mut found = self.fields.known(&nodes);
+        let missing: Vec<u32> = nodes.into_iter().filter(|node| !found.contains_key(node)).collect();
+        for some in missing.chunks(TOGETHER) {
+            let corners: Vec<[Corner; 1]> = some.iter().map(|node| [Corner::of(*node)]).collect();
+            let pressed = self.press(&corners.iter().map(|corner| &corner[..]).collect::<Vec<_>>())?;
+            for (number, node) in some.iter().enumerate() {
+                let field = pressed.field(number);
+                self.fields.keep(*node, field.clone());
+                found.insert(*node, field);
+            }
         }
-        Ok(pressed.data)
+        Ok(found)
     }
 }
 
@@ -177,13 +197,19 @@ impl SolvedCompliance for Yielding {
     }
 
     fn columns(&self, nodes: &[u32]) -> Result<Vec<Yield>, String> {
-        let shown = self.shown();
         let mut columns = Vec::new();
         for some in nodes.chunks(TOGETHER) {
-            let pressed = self.press(some, &shown)?;
-            for number in 0..some.len() {
-                let of = |corners: &Corners| self.moved(corners, &pressed, (&shown, number));
-                columns.push(self.surface.iter().map(of).collect());
+            let corners: Vec<&[Corner]> = some.iter().map(|point| self.corners(*point)).collect();
+            let pressed = self.press(&corners)?;
+            for (number, corners) in corners.iter().enumerate() {
+                // Blades will ask for it as soon as a force acts there.
+                if let [corner] = corners
+                    && *corner == Corner::of(corner.node)
+                {
+                    self.fields.keep(corner.node, pressed.field(number));
+                }
+                columns
+                    .push(self.surface.iter().map(|corners| self.moved(corners, &pressed, number)).collect());
             }
         }
         Ok(columns)
