@@ -1,8 +1,9 @@
-//! Equilibria beyond critical states, and far from rest, against published curves: elastica, frames that snap.
+//! Equilibria beyond critical states, and far from rest, against published curves: elastica, frames that snap, rods that writhe.
 
 mod elastica;
 mod frames;
 mod rod;
+mod writhing;
 
 use greenstage::deform::Statics;
 use greenstage::fem::STVK;

@@ -31,7 +31,7 @@ const PRESSED: [[f64; 3]; 4] = [[0.0, 0.1, 0.0], [0.0, -0.1, 0.0], [0.0, 0.0, 0.
 const PULLED: f64 = 0.1;
 /// Paths in random directions, the same in every run, with random shifts: along the way between a twentieth less and a tenth more of
 /// it, across it by up to a tenth.
-const RANDOM: usize = 12;
+const RANDOM: usize = 24;
 /// More such paths, of which no field is made: a model is only compared with them.
 const HELD_OUT: usize = 4;
 /// Shares of a path at which equilibria are sought.

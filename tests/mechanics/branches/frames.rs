@@ -70,12 +70,12 @@ fn williams_toggle_snaps_as_its_rods_do() {
     let (ei, ea) = stiffness(thickness);
     // Unknowns: the force on the half, the moment at its foot, the deflection.
     let slope = height.atan();
-    let apex = |z: &nalgebra::Vector4<f64>| {
+    let apex = |z: &[f64; 4]| {
         let foot = Section { x: 0.0, y: 0.0, angle: slope, moment: z[2] };
         let end = foot.after(height.hypot(1.0), ea, [z[0], z[1]]);
-        [end.x - 1.0, end.y - height + z[3], end.angle - slope]
+        vec![end.x - 1.0, end.y - height + z[3], end.angle - slope]
     };
-    let rod = curve([30.0, 5.0, 1.0, height], 0.02, 200, apex);
+    let rod = curve([30.0, 5.0, 1.0, height], [0.0; 4], 3, (0.02, 200), apex);
     let rod: Vec<[f64; 2]> = rod.iter().map(|z| [z[3], -2.0 * z[1]]).collect();
 
     let mut statics = frame("toggle", &[[0.0, 0.0], [1.0, height]], thickness, 30);
@@ -129,15 +129,15 @@ fn williams_toggle_snaps_as_its_rods_do() {
 fn lees_frame_snaps_back_as_its_rods_do() {
     let thickness = 1.0 / 60.0;
     let (ei, ea) = stiffness(thickness);
-    let place = |z: &nalgebra::Vector4<f64>| {
+    let place = |z: &[f64; 4]| {
         let foot = Section { x: 0.0, y: 0.0, angle: FRAC_PI_2 + z[2], moment: 0.0 };
         let corner = foot.after(1.0, ea, [z[0], z[1]]);
         let corner = Section { angle: corner.angle - FRAC_PI_2, ..corner };
         corner.after(0.2, ea, [z[0], z[1]])
     };
-    let rod = curve([10.0, 10.0, 1.0, 10.0], 0.02, 600, |z| {
+    let rod = curve([10.0, 10.0, 1.0, 10.0], [0.0; 4], 3, (0.02, 600), |z| {
         let end = place(z).after(0.8, ea, [z[0], z[1] + z[3]]);
-        [end.x - 1.0, end.y - 1.0, end.moment]
+        vec![end.x - 1.0, end.y - 1.0, end.moment]
     });
     let rod: Vec<[f64; 3]> = rod
         .iter()

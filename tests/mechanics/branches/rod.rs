@@ -1,7 +1,7 @@
 //! A rod in a plane, bent and stretched however far: m' = -r' × n, θ' = m/EI, r' = (1 + n·t/EA) t (Antman, Nonlinear Problems of
 //! Elasticity, chapter 4), integrated from one end, and curves of its equilibria.
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{DMatrix, DVector};
 
 /// Place, angle and moment at a point of the rod.
 #[derive(Clone, Copy)]
@@ -41,41 +41,39 @@ impl Section {
     }
 }
 
-/// The curve of solutions of three equations in four unknowns through zero, in `count` steps of length `step` of the unknowns in
-/// parts of their `sizes`; the last unknown grows at first.
-pub fn curve(
-    sizes: [f64; 4],
-    step: f64,
-    count: usize,
-    equations: impl Fn(&Vector4<f64>) -> [f64; 3],
-) -> Vec<Vector4<f64>> {
-    let sizes = Vector4::from(sizes);
-    let of = |z: &Vector4<f64>| {
-        Vector4::from_iterator(equations(&z.component_mul(&sizes)).into_iter().chain([0.0]))
+/// The curve of solutions of N - 1 equations in N unknowns through `start`, in `count` steps of length `step` of the unknowns in parts of
+/// their `sizes`; the unknown `first` grows at first.
+pub fn curve<const N: usize>(
+    sizes: [f64; N],
+    start: [f64; N],
+    first: usize,
+    (step, count): (f64, usize),
+    equations: impl Fn(&[f64; N]) -> Vec<f64>,
+) -> Vec<[f64; N]> {
+    let unknowns = |z: &DVector<f64>| std::array::from_fn(|k| z[k] * sizes[k]);
+    let of = |z: &DVector<f64>| DVector::from_iterator(N, equations(&unknowns(z)).into_iter().chain([0.0]));
+    let unit = |k: usize, size: f64| DVector::from_fn(N, |row, _| if row == k { size } else { 0.0 });
+    let matrix = |z: &DVector<f64>, last: &DVector<f64>| {
+        let column = |k: usize| (of(&(z + unit(k, 1e-6))) - of(&(z + unit(k, -1e-6)))) / 2e-6;
+        let mut all = DMatrix::from_columns(&(0..N).map(column).collect::<Vec<_>>());
+        all.set_row(N - 1, &last.transpose());
+        all.lu()
     };
-    let matrix = |z: &Vector4<f64>, last: &Vector4<f64>| {
-        let mut all = Matrix4::from_fn(|_, _| 0.0);
-        for k in 0..4 {
-            let moved = |by: f64| z + Vector4::ith(k, by);
-            all.set_column(k, &((of(&moved(1e-6)) - of(&moved(-1e-6))) / 2e-6));
+    let (mut z, mut heading) = (DVector::from_fn(N, |k, _| start[k] / sizes[k]), unit(first, 1.0));
+    let mut found = Vec::new();
+    for number in 0..=count {
+        if number > 0 {
+            heading = matrix(&z, &heading).solve(&unit(N - 1, 1.0)).unwrap().normalize();
+            z += &heading * step;
         }
-        all.set_row(3, &last.transpose());
-        all
-    };
-    let (mut z, mut heading) = (Vector4::zeros(), Vector4::ith(3, 1.0));
-    let mut found = vec![z];
-    for _ in 0..count {
-        heading = matrix(&z, &heading).lu().solve(&Vector4::ith(3, 1.0)).unwrap().normalize();
-        let mut next = z + heading * step;
         for _ in 0..20 {
-            let change = matrix(&next, &heading).lu().solve(&of(&next)).unwrap();
-            next -= change;
+            let change = matrix(&z, &heading).solve(&of(&z)).unwrap();
+            z -= &change;
             if change.norm() < 1e-12 {
                 break;
             }
         }
-        z = next;
-        found.push(z.component_mul(&sizes));
+        found.push(unknowns(&z));
     }
     found
 }

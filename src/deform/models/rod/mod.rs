@@ -54,8 +54,10 @@ pub const ENTRY: ModelEntry = ModelEntry {
     fits: Some(fits),
 };
 
-/// Segments between the clamps.
-const SEGMENTS: usize = 32;
+/// Segments between the clamps, of a short rod and of any: a segment is 8 radii of gyration long where that makes more than the least of
+/// them. A slender rod can be twisted far within the strain that a material bears, and winds up into many turns.
+const SEGMENTS: [usize; 2] = [32, 128];
+const RADII: f64 = 8.0;
 
 /// A slender body.
 pub struct Rod {
@@ -96,32 +98,36 @@ impl Rod {
             };
             held[e].iter().map(along).fold(0.0, f64::max)
         };
-        let mut section =
-            Section::fit(&stiffness, origins, [reach(0), reach(1)], SEGMENTS).map_err(|why| {
+        let fitted = |segments: usize| {
+            Section::fit(&stiffness, origins, [reach(0), reach(1)], segments).map_err(|why| {
                 format!("model \"rod\" does not suit this body: {why}; write model = \"rotation\"")
-            })?;
+            })
+        };
+        let [least, most] = SEGMENTS;
+        let segments = ((fitted(least)?.slenderness() / RADII) as usize).clamp(least, most);
+        let mut section = fitted(segments)?;
         let cubic = (input.table)(CUBIC.name);
         if let Some(cubic) = cubic.and_then(|table| CubicForm::new(2 * FIELDS, table.as_slice().to_vec())) {
             section.fit_second(origins, &mut Helicoidal::new(&origins, stiffness, Some(cubic))?);
         }
         let first_frame = section.frame_at(0.0);
         let chain =
-            Chain::new(&section.stiffness, &section.second, section.rest(SEGMENTS), SEGMENTS, first_frame);
+            Chain::new(&section.stiffness, &section.second, section.rest(segments), segments, first_frame);
         let columns = (input.table)(AFFINE.name);
-        let skin = Skin::new(&section, SEGMENTS, origins, input.rest, &held, columns.as_ref());
+        let skin = Skin::new(&section, segments, origins, input.rest, &held, columns.as_ref());
         let (place, along) = (section.clone(), section.ends[1] - section.ends[0]);
         let shares = move |x: &Vector3<f64>| -> Vec<(usize, f64)> {
-            let at = ((x - place.ends[0]).dot(&along) / along.norm_squared() * SEGMENTS as f64)
-                .clamp(0.0, SEGMENTS as f64);
-            let first = (at as usize).min(SEGMENTS - 1);
+            let at = ((x - place.ends[0]).dot(&along) / along.norm_squared() * segments as f64)
+                .clamp(0.0, segments as f64);
+            let first = (at as usize).min(segments - 1);
             let of = |i: usize, share: f64| {
-                let arm = (x - place.frame_at(i as f64 / SEGMENTS as f64).translation.vector) * share;
+                let arm = (x - place.frame_at(i as f64 / segments as f64).translation.vector) * share;
                 Borne::shares(SLOTS * i, share, &arm)
             };
             let share = at - first as f64;
             of(first, 1.0 - share).into_iter().chain(of(first + 1, share)).collect()
         };
-        let loads = Lumped::new(input, SLOTS * (SEGMENTS + 1), Box::new(shares))?;
+        let loads = Lumped::new(input, SLOTS * (segments + 1), Box::new(shares))?;
         Ok(Rod {
             loads,
             controls: [first.clone(), last.clone()],
@@ -239,7 +245,7 @@ impl Rod {
 impl DeformationModel for Rod {
     fn state(&mut self, poses: &[ControlPose]) -> BodyState {
         self.hold(poses);
-        let mut motions = Vec::with_capacity(SEGMENTS + 4);
+        let mut motions = Vec::with_capacity(self.chain.segments() + 4);
         self.skin.motions(&self.chain, &self.frames.map(|frame| frame.motion()), &mut motions);
         self.skin.update(&self.chain, [&self.frames[0].stretch, &self.frames[1].stretch], self.strain());
         BodyState {

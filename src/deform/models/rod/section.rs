@@ -146,6 +146,15 @@ impl Section {
         Ok(Section { stiffness: section, ends, offsets, stretching, second })
     }
 
+    /// Its length in radii of gyration.
+    pub fn slenderness(&self) -> f64 {
+        let way = self.ends[1] - self.ends[0];
+        let axis = way.normalize();
+        let [stretching, turning] = [0, 3].map(|at| self.stiffness.fixed_view::<3, 3>(at, at).into_owned());
+        let [along, twisting] = [stretching, turning].map(|block| axis.dot(&(block * axis)));
+        way.norm() * (2.0 * along / (turning.trace() - twisting)).sqrt()
+    }
+
     /// A, from the body's energy by its control elements' frames.
     pub fn fit_second(&mut self, origins: [Vector3<f64>; 2], energy: &mut Helicoidal) {
         let axis = self.axis();

@@ -372,7 +372,7 @@ fn a_strip_before_a_long_end_is_stretched_by_bends_as_its_fibres_are() {
     let origins = [0, 1].map(|e| body.solution.controls[e].origin);
     let stiffness = body.solution.stiffness().unwrap().clone();
     let reaches = [0.0, origins[1].x + 0.14];
-    let mut section = Section::fit(&stiffness, origins, reaches, SEGMENTS).unwrap();
+    let mut section = Section::fit(&stiffness, origins, reaches, SEGMENTS[0]).unwrap();
     let cubic = CubicForm::new(2 * FIELDS, body.solution.tables[CUBIC.name].as_slice().to_vec()).unwrap();
     section.fit_second(origins, &mut Helicoidal::new(&origins, stiffness, Some(cubic)).unwrap());
     let [height, width] = [0.006_f64, 0.012_f64].map(|size| size * size / 12.0);
