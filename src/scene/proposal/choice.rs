@@ -92,6 +92,12 @@ pub fn choose(
     let reduced = of_two.as_ref().map_or("reduced", |(model, _)| model);
     let (model, comment, why) = match &wishes.model {
         Some(model) => (model.as_str(), String::new(), "as you asked".to_owned()),
+        None if wishes.is_touched && wishes.is_cut => (
+            "linear",
+            "has an energy, with which it is touched, while it is cut".to_owned(),
+            "because a body that is both touched and cut needs the energy of what is cut; turns are small"
+                .to_owned(),
+        ),
         None if wishes.is_touched || wishes.is_cut => (
             "rotation",
             "presses single points and can be cut, as \"linear\" can".to_owned(),
@@ -132,16 +138,9 @@ pub fn choose(
         ),
     };
     let element = match wishes.is_cut {
-        true => &TET4,
+        true => of_cut(telling, material),
         false => element_of(model, is_incompressible, asks_forces, is_large),
     };
-    if wishes.is_cut && is_incompressible {
-        telling.warnings.push(format!(
-            "a blade divides linear tetrahedra alone, which are too stiff at a Poisson's ratio of {}: a material of at most {INCOMPRESSIBLE} \
-             is truer",
-            material.poisson
-        ));
-    }
     if element == &TET4_ANP {
         telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
     }
@@ -173,6 +172,18 @@ pub fn choose(
         ));
     }
     Choice { element, model: model.to_owned(), effects }
+}
+
+/// The element that a blade divides, with a warning where it locks.
+fn of_cut(telling: &mut Explanations, material: &Material) -> &'static Element {
+    if material.poisson > INCOMPRESSIBLE {
+        telling.warnings.push(format!(
+            "a blade divides linear tetrahedra alone, which are too stiff at a Poisson's ratio of {}: a material of at most {INCOMPRESSIBLE} \
+             is truer",
+            material.poisson
+        ));
+    }
+    &TET4
 }
 
 /// The element that suits a model.
