@@ -49,7 +49,7 @@ pub struct Args {
     /// A node group of the file that can be grabbed; may be given several times
     #[arg(long, value_name = "GROUP")]
     pub grab: Vec<String>,
-    /// How it deforms: rotation, reduced, linear, …; `greenstage manual scene` compares the models
+    /// Model of deformation: rotation, reduced, linear, …; `greenstage manual scene` compares the models
     #[arg(long, value_parser = model)]
     pub model: Option<String>,
     /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress) or contact,cut (with a probe and a
@@ -60,10 +60,10 @@ pub struct Args {
     /// and push each control element that can be grabbed by so much, such as 5mm, for `greenstage deform`
     #[arg(long, value_name = "LENGTH", value_parser = super::parsers::length)]
     pub pull: Option<f64>,
-    /// Where it is shown: a built-in stage or a stage file
+    /// Stage on which it is shown: a built-in one or a file
     #[arg(long)]
     pub stage: Option<String>,
-    /// Of a surface: edge of the cells that it is filled with, m; default: for 10 to 20 thousand nodes
+    /// Edge of the cells that fill a surface, m; default: for 10 to 20 thousand nodes
     #[arg(long, value_parser = super::parsers::positive)]
     pub cell: Option<f64>,
     /// Overwrite the scene file if there is one

@@ -68,9 +68,9 @@ pub enum PathKind {
     Turned,
     /// Pulled or pressed, almost without a turn.
     Stretched,
-    /// In a random direction.
+    /// Turned in a random direction and shifted.
     Mixed,
-    /// So too, but no field is made of it.
+    /// Turned and shifted likewise, but no field is made of it.
     HeldOut,
 }
 
@@ -315,7 +315,7 @@ fn directions(solution: &Solution) -> Vec<(Path, PathKind, &'static [f64])> {
     turned.chain(stretched).chain(moved).enumerate().map(of_path).collect()
 }
 
-/// What the file keeps of an equilibrium with the coefficients c.
+/// Record of an equilibrium with the coefficients c in the file.
 fn known_equilibrium(
     solution: &Solution,
     kind: PathKind,

@@ -23,7 +23,7 @@ const SLENDER: f64 = 6.0;
 /// Length in radii of gyration from which a body is a rod: that of a square bar of 25 : 1 is 87.
 const ROD: f64 = 85.0;
 /// Poisson's ratio above which linear tetrahedra are too stiff.
-const INCOMPRESSIBLE: f64 = 0.45;
+pub const INCOMPRESSIBLE: f64 = 0.45;
 /// Young's modulus below which bodies are pulled by a large part of their size, as organs are, Pa.
 const SOFT: f64 = 1e5;
 /// Most corners of a mesh for elements of ten nodes, which take minutes beyond.

@@ -22,6 +22,7 @@ use super::{Body, Material, Scene, SceneError, Tetrahedralise};
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::Scale;
 use crate::mesh::{self, LoadedMesh, TetMesh, quality, surface_files};
+use choice::INCOMPRESSIBLE;
 use doubt::plausible;
 use filling::FilledSurface;
 use indexmap::IndexMap;
@@ -63,7 +64,7 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
     let LoadedMesh { mesh, notices } = loaded;
     telling.warnings.extend(notices);
     size(&mut telling, &key, &mesh, wishes, filling);
-    let material = material(&mut telling, &key, known, why);
+    let material = material(&mut telling, &key, (known, why), wishes);
     regions(&mut telling, &mesh);
     let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
     let choice = choice::choose(&mut telling, &key, &mesh, &material, control.len(), wishes);
@@ -214,14 +215,22 @@ fn known_material(
 fn material(
     telling: &mut Explanations,
     key: &impl Fn(&str) -> String,
-    known: &'static LibraryMaterial,
-    why: &str,
+    (known, why): (&'static LibraryMaterial, &str),
+    wishes: &Wishes,
 ) -> Material {
-    let modulus = pascals(known.young);
-    let comment = format!("E = {modulus}, ν = {}; others: `greenstage manual materials`", known.poisson);
-    telling.comment(&key("material"), &comment);
-    telling.reason(format!("material: {} (E = {modulus}, ν = {}), {why}", known.name, known.poisson));
-    Material::from(known)
+    let mut material = Material::from(known);
+    let mut why = why.to_owned();
+    if wishes.is_cut && wishes.material.is_none() && material.poisson > INCOMPRESSIBLE {
+        material.poisson = INCOMPRESSIBLE;
+        why += &format!(
+            "; ν is {INCOMPRESSIBLE} instead of {}, at which the elements that can be cut lock",
+            known.poisson
+        );
+    }
+    let told = format!("E = {}, ν = {}", pascals(known.young), material.poisson);
+    telling.comment(&key("material"), &format!("{told}; others: `greenstage manual materials`"));
+    telling.reason(format!("material: {} ({told}), {why}", known.name));
+    material
 }
 
 /// Says that regions of the file get one material, until the scene gives them theirs.

@@ -416,3 +416,17 @@ fn a_scene_with_a_surface_and_no_cell_fills_it_and_names_the_cell() {
     assert!((volume / 3.6e-3 - 1.0).abs() < 0.02, "{volume} m³");
     std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
 }
+
+/// Linear tetrahedra lock near 1/2; a placeholder is replaced, and what was asked for is kept.
+#[test]
+fn a_body_that_is_cut_does_not_lock_unless_its_material_was_asked_for() {
+    let bar = bar([0.5, 0.05, 0.05], [10, 2, 2]);
+    let of = |material: Option<&str>| {
+        let wishes = Wishes { is_cut: true, material: material.map(str::to_owned), ..Wishes::default() };
+        let proposal = proposed("part.msh", &bar, &wishes).unwrap();
+        assert_eq!(proposal.scene.body["part"].element.name, "tet4");
+        (proposal.scene.body["part"].material.poisson, proposal.warnings.len())
+    };
+    assert_eq!(of(None), (0.45, 0));
+    assert_eq!(of(Some("rubber")), (0.49, 1));
+}

@@ -1,4 +1,6 @@
 //! Tools in the hand, for effects of a body that touch or cut it.
+//!
+//! In: a proposal, what its effects need, and the size of the workspace. Out: the proposal with a blade, a probe or both in its scene.
 
 use super::Proposal;
 use crate::scene::{Tool, ToolShape};
@@ -8,7 +10,7 @@ const PROBE: [f64; 2] = [0.04, 0.4];
 const BLADE: [f64; 2] = [0.5, 0.08];
 
 impl Proposal {
-    /// Adds a blade where the body is cut and a probe where it is touched, each on a stylus of its own, of a size that suits a body
+    /// Adds a blade if the body is cut and a probe if it is touched, each on a stylus of its own, of a size that suits a body
     /// which is fitted to a workspace of this diameter, m.
     pub fn add_tools(&mut self, is_cut: bool, is_touched: bool, workspace_m: f64) {
         let size = |part: f64| 1e-3 * (1e3 * part * workspace_m).round().max(1.0);

@@ -146,7 +146,7 @@ impl Section {
         Ok(Section { stiffness: section, ends, offsets, stretching, second })
     }
 
-    /// Its length in radii of gyration.
+    /// Length of the rod in radii of gyration of its section.
     pub fn slenderness(&self) -> f64 {
         let way = self.ends[1] - self.ends[0];
         let axis = way.normalize();
