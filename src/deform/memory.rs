@@ -47,9 +47,6 @@ pub struct FoundMemory {
     /// Whether it is that of the poses that were asked for last, or no equilibrium was found beyond it.
     pub is_reached: bool,
     pub is_lost: bool,
-    /// The second derivatives of V by the coefficients of the poses, column by column.
-    #[serde(with = "crate::field::numbers::flat")]
-    pub stiffness: Vec<f64>,
     /// Warm start of the next search.
     pub warm: Warm,
 }

@@ -160,6 +160,25 @@ fn the_stiffness_that_is_felt_is_that_of_equilibria() {
     }
 }
 
+/// A force loop that feels a body changes no bit of what is found, with bends up to the first new factor and beyond.
+#[test]
+fn a_body_that_is_felt_is_found_with_the_same_bits() {
+    let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
+    let mut alone = waiting("background-alone", &scene, "neo_hookean");
+    let mut of_loop = waiting("background-loop", &scene, "neo_hookean");
+    of_loop.feel();
+    let mut felt = of_loop.another_model().unwrap();
+    for step in 1..=30 {
+        let poses = bend(2.0 * f64::from(step));
+        alone.evaluate(&poses).unwrap();
+        of_loop.evaluate(&poses).unwrap();
+        // The stiffness that the loop asks for comes now and then.
+        std::thread::sleep(Duration::from_millis(if step % 4 == 0 { 20 } else { 0 }));
+        respond(felt.as_mut(), &poses);
+        assert_eq!(of_loop.snapshot(), alone.snapshot(), "step {step}");
+    }
+}
+
 /// Turned by 360° in steps of a hand, the beam stays twisted; forgotten, it is at rest; set back, it is twisted again.
 #[test]
 fn a_whole_turn_of_a_hand_is_kept_forgotten_and_set_back() {

@@ -44,7 +44,7 @@ pub struct Asked {
     /// A force loop feels it, between the frames, too.
     pub is_in_loop: bool,
     /// Every equilibrium is waited for, so that no stiffness bridges the time until the next: without a force loop the thread
-    /// rests when it has reached one, and what it finds depends on nothing but what was asked.
+    /// rests when it has reached one.
     pub is_awaited: bool,
     pub ended: bool,
 }
@@ -75,8 +75,8 @@ pub struct Found {
     pub energy: f64,
     /// Derivatives of the energy by the poses, the loads that follow the body held.
     pub slopes: Vec<PoseSlope>,
-    /// Second derivatives of the energy by the coefficients of the poses, at the equilibrium at which they were last made, and
-    /// the version of that equilibrium.
+    /// Second derivatives of the energy by the coefficients of the poses, at the stable equilibrium at which they were last made, and
+    /// the version for which they were sought last.
     pub stiffness: DMatrix<f64>,
     pub stiffness_version: u64,
 }
@@ -92,7 +92,7 @@ impl Background {
         let found = Found {
             version: 0,
             number: 0,
-            is_reached: true,
+            is_reached: false,
             is_lost: false,
             has_ended: false,
             asked_at: Instant::now(),
@@ -163,7 +163,6 @@ impl Background {
         memory: &FoundMemory,
         at: ControlPoses,
         (energy, slopes): (f64, Vec<PoseSlope>),
-        stiffness: &DMatrix<f64>,
     ) -> Result<u64, String> {
         let mut asked = lock(&self.shared.asked);
         let mut found = lock(&self.shared.found);
@@ -201,8 +200,8 @@ impl Background {
             is_inverted: memory.is_inverted,
             energy,
             slopes,
-            stiffness: stiffness.clone(),
-            stiffness_version: version,
+            stiffness: found.stiffness.clone(),
+            stiffness_version: found.stiffness_version,
         };
         self.shared.wake.notify_all();
         Ok(version)
@@ -300,8 +299,8 @@ pub fn lose(shared: &Shared, number: u64, (epoch, warm): (u64, &Warm)) {
     shared.arrived.notify_all();
 }
 
-/// Waits for what is to be done. With a factor that `is_new`, the stiffness is that of the equilibrium at hand.
-pub fn next(shared: &Shared, is_new: bool) -> Next {
+/// Waits for what is to be done.
+pub fn next(shared: &Shared) -> Next {
     let mut asked = lock(&shared.asked);
     loop {
         if asked.ended {
@@ -310,16 +309,16 @@ pub fn next(shared: &Shared, is_new: bool) -> Next {
         if let Some(restored) = asked.restored.take() {
             return Next::Restored(restored);
         }
-        let (number, is_done) = {
+        let (number, is_done, has_stiffness) = {
             let found = lock(&shared.found);
-            (found.number, found.is_reached || found.is_lost)
+            (found.number, found.is_reached || found.is_lost, found.stiffness_version == found.version)
         };
         if asked.number != number || !is_done || asked.anew.is_some() {
             let taken = asked.clone();
             asked.anew = None;
             return Next::Poses(taken);
         }
-        if asked.is_felt && (asked.is_in_loop || !asked.is_awaited) && !is_new {
+        if asked.is_felt && (asked.is_in_loop || !asked.is_awaited) && !has_stiffness {
             return Next::Stiffness;
         }
         asked = shared.wake.wait(asked).unwrap_or_else(PoisonError::into_inner);

@@ -181,14 +181,13 @@ impl DeformationModel for Equilibria {
 
     fn memory(&self) -> ModelMemory {
         let (poses, is_reached, warm) = self.background.keep();
-        let Quadratic { is_lost, energy, slope, stiffness, .. } = &self.quadratic;
+        let Quadratic { is_lost, energy, slope, .. } = &self.quadratic;
         let found = FoundMemory {
             field: self.field.clone(),
             is_inverted: self.is_inverted,
             poses: self.quadratic.poses.clone(),
             is_reached,
             is_lost: *is_lost,
-            stiffness: stiffness.as_slice().to_vec(),
             warm: (*warm).clone(),
         };
         let mut memory = ModelMemory {
@@ -212,16 +211,11 @@ impl DeformationModel for Equilibria {
         let controls = self.set.len();
         memory.suits(controls, 1 + 4 * controls)?;
         let found = memory.found.as_ref().ok_or("a model's memory has no equilibrium")?;
-        let quadratic = &mut self.quadratic;
-        if found.stiffness.len() != quadratic.stiffness.len() {
-            return Err("a model's memory has a stiffness of another size".into());
-        }
-        let stiffness = DMatrix::from_column_slice(FIELDS * controls, FIELDS * controls, &found.stiffness);
         let response = (memory.energy, memory.slopes.clone());
-        let version = self.background.restore(found, memory.poses.clone(), response, &stiffness)?;
-        quadratic.stiffness = stiffness;
+        let version = self.background.restore(found, memory.poses.clone(), response)?;
+        let quadratic = &mut self.quadratic;
         (quadratic.energy, quadratic.is_lost) = (memory.energy, found.is_lost);
-        (quadratic.version, quadratic.stiffness_version) = (version, version);
+        quadratic.version = version;
         quadratic.poses.clone_from(&found.poses);
         write(&mut quadratic.coefficients, found.poses.iter().map(ControlPose::coefficients));
         write(&mut quadratic.slope, memory.slopes.iter().map(PoseSlope::numbers));

@@ -44,6 +44,13 @@ struct HeldVolume {
     size: f64,
 }
 
+/// The tangent stiffness at an equilibrium, that of the free nodes, and the displacement gradients there.
+struct Tangent {
+    gradients: Vec<Matrix3<f64>>,
+    k: StiffnessMatrix,
+    a: StiffnessMatrix,
+}
+
 /// The reason why the factor is made anew.
 enum Renewal {
     Tired,
@@ -150,21 +157,25 @@ impl HeldVolume {
         (stable, epoch): (&mut HeldNodes, u64),
         legs: &mut VecDeque<ControlPoses>,
     ) -> Result<Renewal, SolveError> {
-        let body = self.body(&warm.factored.loads)?;
-        let gradients = body.gradients(&self.fields(&warm.factored));
-        let k = body.tangent(&gradients);
-        let a = self.partition.a(&k);
-        let factor = solver.factor(&a, &Silent)?;
+        let tangent = self.tangent(&warm.factored)?;
+        let factor = solver.factor(&tangent.a, &Silent)?;
         stable.clone_from(&warm.factored);
-        if (lock(&shared.asked).is_felt && warm.is_new) || lock(&shared.found).version == 0 {
-            self.tell_stiffness(shared, &k, factor.as_ref(), (epoch, warm))?;
-        }
-        let old = OldFactor { factor: factor.as_ref(), gradients: &gradients };
+        let old = OldFactor { factor: factor.as_ref(), gradients: &tangent.gradients };
         loop {
-            let mut asked = match next(shared, warm.is_new) {
+            let mut asked = match next(shared) {
                 Next::End => return Ok(Renewal::End),
                 Next::Restored(other) => return Ok(Renewal::Restored(other)),
-                Next::Stiffness => return Ok(Renewal::Tired),
+                Next::Stiffness => {
+                    let stiffness = match warm.is_new {
+                        true => self.stiffness(&tangent.k, factor.as_ref()),
+                        false => self.stiffness_at(&warm.held, solver),
+                    };
+                    if stiffness.is_err() && !lock(&shared.asked).is_awaited {
+                        return Ok(Renewal::Tired);
+                    }
+                    tell_stiffness(shared, stiffness.ok(), epoch);
+                    continue;
+                }
                 Next::Poses(asked) => asked,
             };
             if let Some(way) = asked.anew.take() {
@@ -302,14 +313,22 @@ impl HeldVolume {
         drop(before);
     }
 
+    fn tangent(&self, held: &HeldNodes) -> Result<Tangent, SolveError> {
+        let body = self.body(&held.loads)?;
+        let gradients = body.gradients(&self.fields(held));
+        let k = body.tangent(&gradients);
+        Ok(Tangent { gradients, a: self.partition.a(&k), k })
+    }
+
+    /// [`HeldVolume::stiffness`] by a factor of its own: the one that finds the next equilibrium must not depend on when there was time
+    /// for this. The error says that `held` is not stable.
+    fn stiffness_at(&self, held: &HeldNodes, solver: &dyn LinearSolver) -> Result<DMatrix<f64>, SolveError> {
+        let here = self.tangent(held)?;
+        self.stiffness(&here.k, solver.factor(&here.a, &Silent)?.as_ref())
+    }
+
     /// ∂²V/∂c² = Φᵀ K Φ by the coefficients c of the poses, Φ being the fields that keep the free nodes in balance.
-    fn tell_stiffness(
-        &self,
-        shared: &Shared,
-        k: &StiffnessMatrix,
-        factor: &dyn Factor,
-        (epoch, warm): (u64, &Warm),
-    ) -> Result<(), SolveError> {
+    fn stiffness(&self, k: &StiffnessMatrix, factor: &dyn Factor) -> Result<DMatrix<f64>, SolveError> {
         let columns = FIELDS * self.volume.held.len();
         let mut fields = NodeFields::zeros(self.volume.mesh.nodes.len(), columns);
         for (e, (held, origin)) in self.volume.held.iter().zip(&self.origins).enumerate() {
@@ -329,15 +348,20 @@ impl HeldVolume {
         let rows = 3 * fields.nodes;
         let phi = DMatrix::from_row_slice(rows, columns, &fields.data);
         let stiffness = phi.transpose() * DMatrix::from_row_slice(rows, columns, &product.data);
-        let mut found = lock(&shared.found);
-        if found.epoch != epoch {
-            return Ok(());
-        }
-        found.warm = Arc::new(warm.clone());
-        found.stiffness = (&stiffness + stiffness.transpose()) * 0.5;
-        found.version += 1;
-        found.stiffness_version = found.version;
-        Ok(())
+        Ok((&stiffness + stiffness.transpose()) * 0.5)
+    }
+}
+
+/// Tells the stiffness of the newest equilibrium; `None` leaves that of the one before.
+fn tell_stiffness(shared: &Shared, stiffness: Option<DMatrix<f64>>, epoch: u64) {
+    let mut found = lock(&shared.found);
+    if found.epoch != epoch {
+        return;
+    }
+    found.version += 1;
+    found.stiffness_version = found.version;
+    if let Some(stiffness) = stiffness {
+        found.stiffness = stiffness;
     }
 }
 
