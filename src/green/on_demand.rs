@@ -26,8 +26,8 @@ pub trait SolvedCompliance: Send + Sync + fmt::Debug {
 const KEPT_BYTES: usize = 64 << 20;
 const KEPT: usize = 12;
 
-/// Columns that the thread solves for together: 8 nodes take twice the time of one.
-const TOGETHER: usize = 8;
+/// Columns that are solved for together: a cut body solves for as many in the time of one, and who waits for one waits no longer.
+pub const TOGETHER: usize = 4;
 
 /// Columns of all bodies of a file.
 #[derive(Debug, Default)]
@@ -88,11 +88,12 @@ impl OfBody {
             if missing.is_empty() {
                 break;
             }
-            let own: Vec<usize> = missing.into_iter().filter(|at| !state.solving.contains(at)).collect();
+            let mut own: Vec<usize> = missing.into_iter().filter(|at| !state.solving.contains(at)).collect();
             if own.is_empty() {
                 state = self.arrived.wait(state).unwrap_or_else(PoisonError::into_inner);
                 continue;
             }
+            state.fill(&mut own);
             state.solving.extend(&own);
             drop(state);
             let solving = Solving { of: self, places: &own };
@@ -215,6 +216,21 @@ impl State {
         let found = self.columns.iter().cloned().collect();
         self.columns.extend::<VecDeque<_>>(others);
         found
+    }
+
+    /// Adds so many of the thread's next places that no solve is for fewer than [`TOGETHER`].
+    fn fill(&mut self, places: &mut Vec<usize>) {
+        let mut room = places.len().next_multiple_of(TOGETHER) - places.len();
+        let State { columns, wanted, solving, .. } = self;
+        wanted.retain(|place| {
+            let is_open = !solving.contains(place) && columns.iter().all(|(kept, _)| kept != place);
+            let is_added = room > 0 && is_open && !places.contains(place);
+            if is_added {
+                places.push(*place);
+                room -= 1;
+            }
+            !is_added
+        });
     }
 
     fn known(&mut self, places: &[usize]) -> Option<Vec<Arc<Yield>>> {

@@ -6,7 +6,7 @@
 /// nodes.
 pub const LEAST_FRAMES: u32 = 2;
 const NODES_A_FRAME: usize = 2000;
-const EDGES_A_FRAME: usize = 60_000;
+const EDGES_A_FRAME: usize = 36_000;
 const POINTS_A_FRAME: usize = 40_000;
 
 /// A new base of n free nodes takes n / this frames times 1 + n / [`TWICE`].
