@@ -5,10 +5,10 @@ use super::tests::file;
 use super::touch::Contact;
 use crate::effect::{EFFECTS, Resolved, attach};
 use crate::stage::Stage;
-use crate::track::TrackerState;
+use crate::track::{StylusState, TrackerState};
 use crate::world::running::read;
 use crate::world::{State, World};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use std::path::Path;
 
 type V3 = Vector3<f64>;
@@ -57,9 +57,13 @@ impl Scene {
     }
 
     fn step(&mut self) {
+        self.step_with(Vec::new());
+    }
+
+    fn step_with(&mut self, styli: Vec<StylusState>) {
         let time_s = self.frame as f64 * self.dt_s;
         self.frame += 1;
-        self.world.step(&TrackerState { head: None, styli: Vec::new(), time_s }.into());
+        self.world.step(&TrackerState { head: None, styli, time_s }.into());
     }
 
     fn contacts(&self) -> Vec<Contact> {
@@ -220,6 +224,55 @@ fn a_cube_lies_on_another() {
     println!("on the floor {on_floor} N, between {between} N");
     assert!((on_floor / (2.0 * GRAVITY) - 1.0).abs() < 0.02, "{on_floor}");
     assert!((between / GRAVITY - 1.0).abs() < 0.02, "{between}");
+}
+
+/// Two cubes lie on the floor, one on the other, for an hour: nothing creeps, nothing comes to life.
+/// `cargo test --release --lib -- --ignored cubes_lie_for_an_hour --nocapture`
+#[test]
+#[ignore = "minutes: 216,000 frames"]
+fn cubes_lie_for_an_hour() {
+    let keys = ["ymax", "xmin"].map(|element| free(element, 0.05));
+    let low = cube("low", [0.0, 0.051, 0.0], "ymax", &keys[0]);
+    let high = cube("high", [0.01, 0.16, 0.005], "xmin", &keys[1]);
+    let mut scene = Scene::of(&(FLOOR.to_owned() + &low.text() + &high.text()), 1.0 / 60.0);
+    let mut lain = Vec::new();
+    for second in 1..=3600 {
+        (0..60).for_each(|_| scene.step());
+        let places = [scene.places(0), scene.places(1)].concat();
+        if second <= 60 {
+            lain.clone_from(&places);
+        }
+        assert_eq!(places, lain, "after {second} s");
+    }
+}
+
+/// A cube on the floor comes to rest to the last bit; what touches it then moves it again, and it comes to rest anew.
+#[test]
+fn a_cube_rests_until_something_touches_it() {
+    let keys = free("ymax", 0.05);
+    let tool = "[tool.ball]\nshape = { ball = { radius = 0.02 } }\nstylus = 1\n";
+    let text = format!("{FLOOR}{tool}{}", cube("cube", [0.0, 0.051, 0.0], "ymax", &keys).text());
+    let mut scene = Scene::of(&text, 1.0 / 60.0);
+    // The ball goes to x in so many frames, and stays there for as many.
+    let (mut at, lie) = (-0.1, |from: f64, to: f64, frames: usize, scene: &mut Scene| {
+        for frame in 0..2 * frames {
+            let x = from + (to - from) * (frame as f64 / frames as f64).min(1.0);
+            let tip = Isometry3::translation(x as f32, 0.04, 0.0);
+            scene.step_with(vec![StylusState { room_from_stylus: tip, ..StylusState::default() }]);
+        }
+        scene.places(0)
+    });
+    let mut go = |to: f64, frames: usize| lie(std::mem::replace(&mut at, to), to, frames, &mut scene);
+    let resting = go(-0.1, 90);
+    assert_eq!(go(-0.1, 15), resting);
+    // 5 mm into its side.
+    let pushed = go(-0.065, 60);
+    let middle = |places: &[V3]| places.iter().sum::<V3>().x / places.len() as f64;
+    let way = middle(&pushed) - middle(&resting);
+    println!("pushed by {way} m");
+    assert!((way - 0.005).abs() < 1e-3);
+    let again = go(-0.1, 90);
+    assert_eq!(go(-0.1, 15), again);
 }
 
 /// A bar that is pressed for a while is pressed as without inertia.

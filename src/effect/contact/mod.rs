@@ -24,6 +24,7 @@ mod meeting;
 mod meeting_tests;
 mod motion;
 mod response;
+mod rest;
 mod round;
 mod rubbed;
 mod running;

@@ -23,6 +23,9 @@ pub struct Motion {
     pub free: Vec<DeformerState>,
     /// Whether the forces are those of the last frame's poses, loads and tools.
     pub is_settled: bool,
+    /// Frames for which bodies with inertia have lain still, one more than they need while they rest ([`rest`](super::rest)).
+    #[serde(default)]
+    pub still: u32,
     /// Forces on each touched body with inertia in the mean over the last frame, along its axes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pushed: Vec<Vec<Push>>,

@@ -9,6 +9,7 @@ use super::detection::distance;
 use super::felt::{Felt, Touching};
 use super::inertial::{self, Inertias};
 use super::motion::{Motion, Placed, Push};
+use super::rest;
 use super::round::{Outcome, Step};
 use super::rubbed::add_friction;
 use super::settings::NAME;
@@ -60,6 +61,12 @@ fn poses_of(world: &World, b: usize) -> Vec<ControlPose> {
     world.fields.bodies[b].poses.iter().map(|pose| *world.graph.get(*pose)).collect()
 }
 
+/// Where the last step has left the control elements of bodies with inertia; none of another one.
+fn poses_now(inertias: &Inertias<'_>) -> Vec<Vec<ControlPose>> {
+    let of = |inertia: &Option<&mut dyn Inertia>| inertia.as_ref().map(|inertia| inertia.now().poses);
+    inertias.iter().map(of).map(Option::unwrap_or_default).collect()
+}
+
 impl Contacts {
     pub fn new(
         bodies: Vec<TouchedBody>,
@@ -89,6 +96,36 @@ impl Contacts {
         changed |= tools.iter().zip(&self.motion.tools).any(|(new, last)| *new != last.pose);
         changed |= places != self.motion.places;
         self.motion.places.clone_from(&places);
+        let is_disturbed = changed
+            || self
+                .bodies
+                .iter()
+                .zip(&inertias)
+                .any(|(body, inertia)| inertia.is_none() && poses_of(world, body.b) != body.free.poses);
+        if !self.rests(is_disturbed, &inertias) {
+            self.move_on(world, (tools, places), changed, &mut inertias);
+        }
+        self.bodies.iter_mut().for_each(|body| body.inertial = None);
+    }
+
+    /// Whether bodies that have lain still go on lying there in this frame.
+    fn rests(&mut self, is_disturbed: bool, inertias: &Inertias<'_>) -> bool {
+        let lie = rest::lie(&self.bodies, inertias, &self.motion.contacts);
+        let still = rest::rested(self.motion.still, is_disturbed).filter(|_| lie);
+        if self.motion.still >= rest::FRAMES {
+            self.motion.still = still.unwrap_or(0);
+        }
+        still.is_some()
+    }
+
+    /// Moves bodies on to where they are led, and where they go by their inertia.
+    fn move_on(
+        &mut self,
+        world: &World,
+        (tools, places): (Vec<Option<Isometry3<f64>>>, Vec<Similarity3<f64>>),
+        mut changed: bool,
+        inertias: &mut Inertias<'_>,
+    ) {
         let mut ends = Vec::new();
         for (number, inertia) in inertias.iter_mut().enumerate() {
             let body = &self.bodies[number];
@@ -106,10 +143,15 @@ impl Contacts {
         }
         let is_living = inertias.iter().any(Option::is_some);
         self.motion.pushed = if is_living { vec![Vec::new(); self.bodies.len()] } else { Vec::new() };
-        if changed || !self.motion.is_settled {
-            self.advance(world, &Now { tools, places, ends }, &mut inertias);
+        if !changed && self.motion.is_settled {
+            return;
         }
-        self.bodies.iter_mut().for_each(|body| body.inertial = None);
+        let before = poses_now(inertias);
+        self.advance(world, &Now { tools, places, ends }, inertias);
+        if is_living {
+            let is_still = rest::are_still(&self.bodies, &before, &poses_now(inertias));
+            self.motion.still = if is_still { (self.motion.still + 1).min(rest::FRAMES) } else { 0 };
+        }
     }
 
     /// The inertia of each body that has one.
@@ -137,6 +179,7 @@ impl Contacts {
             let of_effects = placed.deformer.contribution().points.len();
             loads.points.truncate(loads.points.len().saturating_sub(of_effects));
             changed |= body.free.apply(&loads);
+            changed |= slot.is_some() && body.others != contributions[body.b];
             body.others.clone_from(&contributions[body.b]);
             match slot {
                 Some(inertia) => {
@@ -425,7 +468,7 @@ impl RunningEffect for Contacts {
         let Some(number) = self.bodies.iter().position(|touched| touched.b == body) else { return Ok(()) };
         let is_kept = |contact: &Contact| contact.nodes_of(number).all(|node| (node as usize) < kept);
         self.motion.contacts.retain(is_kept);
-        self.motion.is_settled = false;
+        (self.motion.is_settled, self.motion.still) = (false, 0);
         self.felt.forget();
         self.bodies[number].reshape(&world.bodies[body].deformer, kept)?;
         let nodes = self.nodes_of_contacts();

@@ -105,6 +105,8 @@ impl CutBody {
         let tables = Tables { stiffness, weight, takes_points: file.compliance(name).is_some() };
         let cuttable = Arc::new(Cuttable::new(volume, &names, V3::from(meta.centre), tables)?);
         let whole = Whole { name: name.to_owned(), file, cuttable };
+        // Here, and not in the first frame in which a blade comes near.
+        whole.cuttable.base.whole()?;
         let state = whole.state()?;
         let edges = whole.cuttable.edges();
         let nodes = &whole.cuttable.matter.splitter.mesh.nodes;

@@ -1,11 +1,16 @@
 //! Solves with the factor of a body, in a thread that holds it.
 //!
-//! In: A of the free nodes. Out: A⁻¹ b. The thread factorises while the session begins, so that the factor is there when a blade comes; it
-//! ends when its [`Solves`] is dropped, or as soon as the factor is done then. While it rests it has no factor.
+//! In: A of the free nodes. Out: A⁻¹ b. The thread ends when its [`Solves`] is dropped, or as soon as the factor is done then. While it
+//! rests it has no factor.
 
+use crate::base::diagnostic::notice;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::solve::{Factor, Silent, SolveError, Solver};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::Duration;
+
+/// Who waits longer than this is told for what.
+const LONG: Duration = Duration::from_secs(1);
 
 enum Question {
     Fields(NodeFields, Answer<NodeFields>),
@@ -18,6 +23,7 @@ type Answer<T> = Sender<Result<T, String>>;
 
 pub struct Solves {
     ask: Sender<Question>,
+    free: usize,
     /// Questions that were asked.
     #[cfg(test)]
     pub asked: std::sync::atomic::AtomicUsize,
@@ -25,10 +31,11 @@ pub struct Solves {
 
 impl Solves {
     pub fn start(a: StiffnessMatrix) -> Solves {
-        let (ask, asked) = channel();
+        let ((ask, asked), free) = (channel(), a.nodes());
         std::thread::spawn(move || run(&a, &asked));
         Solves {
             ask,
+            free,
             #[cfg(test)]
             asked: Default::default(),
         }
@@ -67,7 +74,14 @@ impl Solves {
         let (answer, answered) = channel();
         let ended = || "the thread that solves for cuts has ended".to_owned();
         self.ask.send(question(answer)).map_err(|_closed| ended())?;
-        answered.recv().map_err(|_closed| ended())?
+        let answer = match answered.recv_timeout(LONG) {
+            Err(RecvTimeoutError::Timeout) => {
+                notice!("cut: waiting for the factor of {} nodes", self.free);
+                answered.recv().map_err(|_closed| ended())
+            }
+            other => other.map_err(|_closed| ended()),
+        };
+        answer?
     }
 }
 
