@@ -8,7 +8,7 @@ use super::deformer::Deformer;
 use super::model::ModelEntry;
 use super::pose::frame::{ControlPose, Wrench};
 use super::pose::se3;
-use super::trial::{Deviation, PoseResult};
+use super::trial::{Deviation, GOOD, PoseResult};
 use crate::base::table::count;
 use crate::green::{EQUILIBRIA, FIELDS, GreenFile, KnownEquilibrium, PathKind};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -17,11 +17,10 @@ use std::sync::Arc;
 
 /// Turns of two control elements against each other up to which errors are told apart, °; a little more, for rounding.
 const TURNS: [f64; 4] = [30.5, 60.5, 90.5, 360.0];
-/// An error that is small enough for most work.
-const GOOD: f64 = 0.05;
-/// Largest step of a turn on the way to an equilibrium, °, and the least number of steps.
-const STEP: f64 = 10.0;
-const LEAST_STEPS: f64 = 4.0;
+/// Largest step of a turn on the way to an equilibrium, °, and the least number of steps: at first, and once more where the error is
+/// not good, as slowly as a hand goes, for where a body buckles, a long step may lead to another side.
+const LONG: [f64; 2] = [10.0, 4.0];
+const SHORT: [f64; 2] = [2.5, 36.0];
 
 /// A model in the equilibria of a body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -57,7 +56,7 @@ impl ModelReach {
         let mut deformer = Deformer::new(file.clone(), body, model)?;
         let known = table.column_iter().filter_map(|column| KnownEquilibrium::read(column.as_slice()));
         let (inverted, sound): (Vec<_>, Vec<_>) = known.partition(|known| known.is_inverted);
-        let states: Vec<_> = sound.iter().filter_map(|known| compare(&mut deformer, known)).collect();
+        let states: Vec<_> = sound.iter().filter_map(|known| compared(&mut deformer, known)).collect();
         Ok((!states.is_empty()).then_some(ModelReach { states, inverted: inverted.len() }))
     }
 
@@ -131,14 +130,24 @@ fn part_text(part: f64) -> String {
     }
 }
 
-/// Takes the deformer to an equilibrium from rest, and compares; `None` of other than two elements.
-fn compare(deformer: &mut Deformer, known: &KnownEquilibrium) -> Option<ComparedState> {
+/// Compares the deformer with an equilibrium; `None` of other than two elements.
+fn compared(deformer: &mut Deformer, known: &KnownEquilibrium) -> Option<ComparedState> {
+    let state = compare(deformer, known, LONG)?;
+    if state.error <= GOOD { Some(state) } else { compare(deformer, known, SHORT) }
+}
+
+/// Takes the deformer to an equilibrium from rest in such steps, and compares.
+fn compare(
+    deformer: &mut Deformer,
+    known: &KnownEquilibrium,
+    [step, least]: [f64; 2],
+) -> Option<ComparedState> {
     let origins: Vec<Vector3<f64>> = deformer.controls.iter().map(|control| control.origin).collect();
     let screws: Vec<Vector6<f64>> =
         known.coefficients.chunks_exact(FIELDS).zip(&origins).map(|(c, origin)| screw(c, origin)).collect();
     let [low, high] = screws[..] else { return None };
     let turn = (high - low).fixed_rows::<3>(3).norm().to_degrees();
-    let steps = (turn / STEP).ceil().max(LEAST_STEPS);
+    let steps = (turn / step).ceil().max(least);
     let poses = |share: f64| -> Vec<ControlPose> {
         screws.iter().zip(&origins).map(|(screw, origin)| pose(&se3::exp(&(screw * share)), origin)).collect()
     };
@@ -155,12 +164,11 @@ fn compare(deformer: &mut Deformer, known: &KnownEquilibrium) -> Option<Compared
     };
     let found = PoseResult { surface: Vec::new(), ..PoseResult::of_model(deformer) };
     let off = Deviation::new(&found, &truth, (origins[1] - origins[0]).norm());
-    let of = |part: Option<f64>| part.unwrap_or(f64::INFINITY);
     Some(ComparedState {
         is_stretched: known.kind == PathKind::Stretched,
         is_held_out: known.kind == PathKind::HeldOut,
         turn,
-        error: of(off.force).max(of(off.torque)),
+        error: off.worst(),
         energy: off.energy.unwrap_or(f64::INFINITY),
     })
 }

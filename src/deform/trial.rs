@@ -168,6 +168,9 @@ impl Moved {
     }
 }
 
+/// An error of force and torque that is small enough for most work.
+pub const GOOD: f64 = 0.05;
+
 /// A motion and its equilibrium.
 pub struct Trial {
     pub moved: Moved,
@@ -328,6 +331,12 @@ impl Deviation {
         let energy = energy.filter(|ratio| ratio.is_finite());
         Deviation { force: off(&|w| w.force), torque: off(&|w| w.moment / length), energy, shape }
     }
+
+    /// The larger of the errors of force and torque; infinite without forces.
+    pub fn worst(&self) -> f64 {
+        let of = |part: Option<f64>| part.unwrap_or(f64::INFINITY);
+        of(self.force).max(of(self.torque))
+    }
 }
 
 impl Trial {
@@ -343,6 +352,23 @@ impl Trial {
         self.follow(deformer);
         let truth = PoseResult::of_equilibrium(&self.settled, &self.poses, nodes);
         Deviation::new(&PoseResult::of_model(deformer), &truth, self.moved.length)
+    }
+
+    /// How far the deformer, as it was compared last, is from another stable equilibrium in the same poses: a body that buckles has
+    /// several. `None` where it is not within [`GOOD`] of one.
+    pub fn beside(
+        &self,
+        statics: &mut Statics,
+        deformer: &Deformer,
+        nodes: &[usize],
+    ) -> Result<Option<Deviation>, StaticsError> {
+        let model = PoseResult::of_model(deformer);
+        let Some(found) = statics.solve_near_some(nodes, &model.surface, &self.poses)? else {
+            return Ok(None);
+        };
+        let truth = PoseResult::of_equilibrium(&found, &self.poses, nodes);
+        let deviation = Deviation::new(&model, &truth, self.moved.length);
+        Ok(Some(deviation).filter(|deviation| deviation.worst() <= GOOD))
     }
 
     /// Takes the deformer to the poses from rest in steps of about 10° at most.

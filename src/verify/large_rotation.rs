@@ -6,7 +6,7 @@
 
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
-use crate::deform::{Deviation, ModelEntry, Motion, Moved, Trial, Truth, in_session, trials};
+use crate::deform::{Deviation, GOOD, ModelEntry, Motion, Moved, Trial, Truth, in_session, trials};
 use crate::fem::{LAWS, STVK};
 use crate::green;
 use crate::measure::online;
@@ -54,6 +54,9 @@ pub struct ModelAtPose {
     pub model: &'static str,
     #[serde(flatten)]
     pub deviation: Deviation,
+    /// Where the model is not within [`GOOD`] of that equilibrium, but of another stable one: how far it is from that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beside: Option<Deviation>,
     /// Median time from poses to the deformed surface with its forces, s.
     pub frame_s: f64,
 }
@@ -164,6 +167,12 @@ fn rows_of(
     };
     let mut left_out = |motion: Motion, why: String| told(format!("{title} {}: {why}", motion.name()));
     let held = trials(&mut statics, &moved, motions, &Silent, &mut left_out).map_err(Failure::work)?;
+    for trial in &held {
+        let passed = trial.settled.stability.passed.iter();
+        passed.for_each(|critical| {
+            told(format!("{title} {}: on the way there {critical}", trial.motion.name()))
+        });
+    }
     let mut rows: Vec<HeldPose> = held.iter().map(|trial| row(title, trial)).collect();
     for model in models {
         let mut scene = scene.clone();
@@ -180,8 +189,19 @@ fn rows_of(
         let nodes = Trial::surface_nodes(&statics, &deformer);
         for (row, trial) in rows.iter_mut().zip(&held) {
             let deviation = trial.deviation(&mut deformer, &nodes);
+            let beside = match deviation.worst() > GOOD {
+                true => trial.beside(&mut statics, &deformer, &nodes).map_err(Failure::work)?,
+                false => None,
+            };
+            if beside.is_some() {
+                let energy = deviation.energy.unwrap_or(f64::NAN);
+                let (pose, model) = (trial.motion.name(), model.name);
+                told(format!(
+                    "{title} {pose}, {model}: in another stable equilibrium than the one from rest, with {energy:.3} of its energy"
+                ));
+            }
             let frame_s = trial.frame_time(&mut deformer);
-            row.models.push(ModelAtPose { model: model.name, deviation, frame_s });
+            row.models.push(ModelAtPose { model: model.name, deviation, beside, frame_s });
         }
     }
     Ok(rows)

@@ -328,8 +328,10 @@ type WriteModel = fn(&ModelAtPose) -> String;
 /// Titles of the tables of forces, and the function that writes the cells of each.
 const FORCE_TABLES: &[(&str, WriteModel)] = &[
     ("errors of force and torque in parts of the largest wrench of the equilibrium, %", |at| {
-        match (at.deviation.force, at.deviation.torque) {
-            (Some(force), Some(torque)) => format!("{} / {}", rounded(force), rounded(torque)),
+        let of = at.beside.as_ref().unwrap_or(&at.deviation);
+        let another = if at.beside.is_some() { " of another" } else { "" };
+        match (of.force, of.torque) {
+            (Some(force), Some(torque)) => format!("{} / {}{another}", rounded(force), rounded(torque)),
             _ => "none".into(),
         }
     }),

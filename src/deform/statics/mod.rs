@@ -12,6 +12,7 @@ pub mod freedom;
 mod held_volume;
 mod outcome;
 mod pushed;
+mod spread;
 mod way;
 
 use super::loads::applied::StaticForces;
@@ -35,6 +36,7 @@ use freedom::{COMPONENTS, Freedom};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 pub use outcome::{Branch, EquilibriumResult, LeastMode, StaticsError, TangentState};
 use pushed::prescribe;
+use spread::spread;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 pub use way::HeldBody;
@@ -306,6 +308,29 @@ impl Statics {
         self.last = None;
         self.held = Some(held);
         Ok(Some(settled))
+    }
+
+    /// Holds the body in `poses` next to the displacements of some of its nodes, those of its surface say, as [`Statics::solve_near`]
+    /// does; the other nodes begin between them.
+    pub fn solve_near_some(
+        &mut self,
+        nodes: &[usize],
+        displacements: &[Vector3<f64>],
+        poses: &ControlPoses,
+    ) -> Result<Option<EquilibriumResult>, StaticsError> {
+        let mut u = NodeFields::zeros(self.mesh.nodes.len(), 1);
+        let mut is_known = vec![false; self.mesh.nodes.len()];
+        for (node, own) in nodes.iter().zip(displacements) {
+            u.data[3 * node..][..3].copy_from_slice(own.as_slice());
+            is_known[*node] = true;
+        }
+        for (control, pose) in self.controls.iter().zip(poses) {
+            prescribe(control, &self.mesh, pose, &mut u);
+            control.nodes.iter().for_each(|node| is_known[*node as usize] = true);
+        }
+        spread(&self.mesh, &is_known, &mut u);
+        let guess: Vec<_> = u.data.chunks_exact(3).map(Vector3::from_column_slice).collect();
+        self.solve_near(&guess, poses)
     }
 
     /// The last pose that was solved, for others to go on from; none after one without an equilibrium.

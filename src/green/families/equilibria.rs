@@ -6,8 +6,9 @@
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
 //! of a cube that stands along the way between them, pulled, pressed, and turned and shifted at once in random directions. Twists go on to
-//! 330°. A step that fails is halved. Under St. Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no
-//! equilibrium, for nothing resists that; the neo-Hookean law resists it.
+//! 330°, or to where the body buckles. A step that fails is halved; where the body buckles before 90°, it gives way to a side. Under St.
+//! Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no equilibrium, for nothing resists that; the neo-Hookean
+//! law resists it.
 
 use super::super::control::FIELDS;
 use super::super::error::GreenError;
@@ -42,6 +43,9 @@ const TWIST_STEPS: [f64; 6] = [0.5, 1.0, 1.75, 2.5, 3.1, 3.67];
 const SMALL: f64 = 0.04;
 /// The least step is this part of the way between two of them.
 const LEAST_STEP: f64 = 0.25;
+/// A body that buckles does so while every tetrahedron has more than this part of its volume; one with a smaller one is about to
+/// turn that inside out instead.
+const BUCKLES: f64 = 0.8;
 /// Newton's iteration ends after a step below this part of the largest displacement: of fields for a basis no more is asked.
 const LAST_STEP: f64 = 3e-3;
 /// Unknowns up to which a body is solved so often, with about 300 factorisations.
@@ -177,7 +181,7 @@ pub fn equilibria(
     let (mut small, mut whole, mut known) = (Vec::new(), 0, Vec::new());
     progress.begin("equilibria at large turns", paths.len() as u64);
     for (path, kind, steps) in &paths {
-        let found = walk.equilibria_on(path, *kind, steps).map_err(failed)?;
+        let found = walk.equilibria_on(path, steps).map_err(failed)?;
         let of = |share: f64| seen(solution, path, share);
         known.extend(
             found.iter().map(|(share, found)| known_equilibrium(solution, *kind, &of(*share), found)),
@@ -225,12 +229,7 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved.
-    fn equilibria_on(
-        &self,
-        path: &Path,
-        kind: PathKind,
-        steps: &[f64],
-    ) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
+    fn equilibria_on(&self, path: &Path, steps: &[f64]) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
         let (mut found, mut from, mut before) = (Vec::<(f64, Equilibrium)>::new(), 0.0, 0.0);
         let rest = NodeFields::zeros(self.solution.mesh.nodes.len(), 1);
         for goal in steps {
@@ -245,7 +244,8 @@ impl Walk<'_> {
                     step *= 0.5;
                     continue;
                 }
-                if next.is_none() && kind == PathKind::Stretched {
+                let is_whole = || found.last().is_none_or(|(_, last)| least_volume(last) > BUCKLES);
+                if next.is_none() && share <= 1.0 && is_whole() {
                     next = self.aside(path, [from, share], u)?;
                 }
                 let Some(next) = next else { return Ok(found) };
@@ -257,7 +257,7 @@ impl Walk<'_> {
         Ok(found)
     }
 
-    /// The stable state to which a body gives way that buckles when it is pressed further.
+    /// The stable state to which a body gives way that buckles.
     fn aside(
         &self,
         path: &Path,
@@ -279,7 +279,13 @@ impl Walk<'_> {
 
 /// Whether a tetrahedron is turned inside out.
 fn is_inverted(found: &Equilibrium) -> bool {
-    found.gradients.iter().any(|h| (Matrix3::identity() + h).determinant() <= 0.0)
+    least_volume(found) <= 0.0
+}
+
+/// The least volume of a tetrahedron, as a part of that at rest.
+fn least_volume(found: &Equilibrium) -> f64 {
+    let volumes = found.gradients.iter().map(|h| (Matrix3::identity() + h).determinant());
+    volumes.fold(f64::INFINITY, f64::min)
 }
 
 /// The paths with their steps: half of each motion to either element.
@@ -371,4 +377,54 @@ fn motion(solution: &Solution, path: &Path, share: f64, e: usize) -> (Vector3<f6
     let middle = solution.controls.iter().map(|control| control.origin).sum::<Vector3<f64>>() / count;
     let (slide, turn) = path[e];
     screw_motion(&(solution.controls[e].origin - middle), &(slide * share), &(turn * share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fem::{Lame, NEO_HOOKEAN, Partition, TET4};
+    use crate::green::{self, Requirements};
+    use crate::scene::Scene;
+    use crate::solve::{LAST_STEP as EXACT, Silent};
+
+    /// A plate that is bent in its own plane buckles out of it: the state at the end of the way is the one to which small steps lead.
+    #[test]
+    fn a_plate_that_is_bent_in_its_plane_goes_on_buckled() {
+        let text = "[body.b]\ngenerate = { block = { size = [0.24, 0.24, 0.02], cells = [6, 6, 1] } }\n\
+                    material = { young = 1.0e6, poisson = 0.3 }\n\
+                    control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let scene = Scene::parse(text, std::path::Path::new("plate.toml")).unwrap();
+        let solution = green::solve(&scene, "b", &Requirements::new(&[green::AFFINE]), &Silent).unwrap();
+        let mesh = &solution.mesh;
+        let lame = vec![Lame::from_young_poisson(1.0e6, 0.3); mesh.tets.len()];
+        let body = Hyperelastic::new(&TET4, &NEO_HOOKEAN, mesh, &lame).unwrap();
+        let held = solution.controls.iter().flat_map(|control| control.nodes.iter().copied());
+        let partition = Partition::new(mesh.nodes.len(), held);
+        let rest = NodeFields::zeros(mesh.nodes.len(), 1);
+        let a = partition.a(&body.tangent(&body.gradients(&rest)));
+        let solver = Solver::default().analyse(&a, &Silent).unwrap();
+        let newton = Newton {
+            body: &body,
+            partition: &partition,
+            solver: Some(&*solver),
+            loads: None,
+            last_step: EXACT,
+        };
+        let walk = Walk { newton, law: &NEO_HOOKEAN, solution: &solution };
+        let path: Path = [-0.5, 0.5].map(|half| (Vector3::zeros(), Vector3::z() * (half * TURN))).to_vec();
+        let found = walk.equilibria_on(&path, &STEPS).unwrap();
+        let (share, last) = found.last().unwrap();
+        let way = |share: f64, u: &mut NodeFields| hold(&solution, &path, share, u);
+        let known = walk.newton.follow(rest, 24, &way, &Silent).unwrap();
+        let out_of_plane =
+            |of: &Equilibrium| of.u.data.iter().skip(2).step_by(3).fold(0.0_f64, |a, z| a.max(z.abs()));
+        let [own, expected] = [last, &known.equilibrium].map(|of| (of.energy, out_of_plane(of)));
+        println!("share {share}, {own:?} and {expected:?}, passed {}", known.passed.len());
+        assert!(*share == 1.0 && expected.1 > 0.02, "{share} {expected:?}");
+        assert!(
+            (own.0 / expected.0 - 1.0).abs() < 0.01 && (own.1 / expected.1 - 1.0).abs() < 0.05,
+            "{own:?}"
+        );
+    }
 }

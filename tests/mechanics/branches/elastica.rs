@@ -129,3 +129,34 @@ fn a_pressed_column_goes_on_buckled() {
     assert!((own[0] / shortening - 1.0).abs() < 0.02 && (own[1] / deflection - 1.0).abs() < 0.02, "{own:?}");
     assert!(found.stability.branch == Branch::Buckled);
 }
+
+/// A column that buckled to one side has a like equilibrium on the other, which is found from its mirror image at the surface alone.
+#[test]
+fn a_buckled_column_has_its_mirror_image_beside_it() {
+    let thickness = 0.02;
+    let mut statics = bar(thickness, 20);
+    let pose = ControlPose { translation: Vector3::x() * -0.1, ..ControlPose::REST };
+    let poses = vec![pose, ControlPose::REST];
+    let found = statics.solve(&poses, &Silent).unwrap();
+    let is_outside = |x: &Vector3<f64>| x.y.abs() > 0.999 * thickness || x.z.abs() > 0.499 * thickness;
+    let nodes = statics.mesh.nodes.clone();
+    let turned = |x: &Vector3<f64>| Vector3::new(x.x, -x.y, -x.z);
+    let mirrored = |x: &Vector3<f64>| {
+        let own = nodes.iter().zip(&found.displacement);
+        let (_, u) =
+            own.min_by(|a, b| (a.0 - turned(x)).norm().total_cmp(&(b.0 - turned(x)).norm())).unwrap();
+        turned(u)
+    };
+    let outside: Vec<usize> = (0..nodes.len()).filter(|node| is_outside(&nodes[*node])).collect();
+    assert!(outside.len() < nodes.len(), "no node is left to be found");
+    let guess: Vec<_> = outside.iter().map(|node| mirrored(&nodes[*node])).collect();
+    let other = statics.solve_near_some(&outside, &guess, &poses).unwrap().unwrap();
+    let off =
+        nodes.iter().zip(&other.displacement).map(|(x, u)| (u - mirrored(x)).norm()).fold(0.0, f64::max);
+    let apart = found.displacement.iter().zip(&other.displacement).map(|(a, b)| (a - b).norm());
+    let apart = apart.fold(0.0, f64::max);
+    println!("off {off:.2e} of {apart:.3}, energies {} {}", found.energy, other.energy);
+    assert!(apart > 0.2 && off < 1e-3 * apart, "{off} of {apart}");
+    assert!((other.energy / found.energy - 1.0).abs() < 1e-3 && other.stability.branch == Branch::Stable);
+    assert!(statics.solve_near_some(&[], &[], &vec![ControlPose::REST; 2]).unwrap().unwrap().energy < 1e-12);
+}
