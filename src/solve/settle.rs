@@ -13,7 +13,7 @@ use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_t
 use nalgebra::{Matrix3, Vector3};
 
 /// An equilibrium has ‖f at free nodes‖₂ ≤ this times ‖f at controlled nodes‖₂, or the loads where these are larger.
-pub const TOLERANCE: f64 = 1e-6;
+pub const TOLERANCE: f64 = 1e-7;
 /// An equilibrium is also reached by a step in which no node moves by more than this part of the largest displacement.
 const LAST_STEP: f64 = 1e-9;
 /// Solves with the factor that one step may take before the factor is called too old.

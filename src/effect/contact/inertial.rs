@@ -6,6 +6,7 @@
 use super::response::Response;
 use super::touch::{Contact, at_nodes, nodes_of};
 use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::deform::ControlPose;
 use crate::world::inertia::{Gone, Inertia, StepForces};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 
@@ -60,6 +61,12 @@ pub fn go(bodies: &mut [TouchedBody], inertias: &mut Inertias<'_>, share: f64, c
             inertial.forces = end;
         }
     }
+}
+
+/// Where the last step has left the control elements of bodies with inertia; none of another one.
+pub fn poses(inertias: &Inertias<'_>) -> Vec<Vec<ControlPose>> {
+    let of = |inertia: &Option<&mut dyn Inertia>| inertia.as_ref().map(|inertia| inertia.now().poses);
+    inertias.iter().map(of).map(Option::unwrap_or_default).collect()
 }
 
 /// Ends the step.

@@ -7,6 +7,7 @@
 //! body ([`way`], [`system`], [`round`]). A body with inertia is moved by these forces meanwhile ([`inertial`], [`response`]). A force
 //! device feels those of its tool between two frames too ([`felt`]).
 
+mod acting;
 mod attach;
 mod backing;
 mod candidates;

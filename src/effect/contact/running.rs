@@ -4,6 +4,7 @@
 //! bodies. In a frame all of them move on in steps that are short against tools and walls ([`way`](super::way)), so that none passes
 //! through a body and friction knows its way.
 
+use super::acting::{self, poses_of};
 use super::candidates::{Nodes, Places};
 use super::detection::distance;
 use super::felt::{Felt, Touching};
@@ -18,10 +19,10 @@ use super::system::advance;
 use super::touch::{Contact, at_nodes, at_spots, force_on_tool, shifted};
 use super::touched_body::TouchedBody;
 use super::way::{MOST_STEPS, Near, Start, Way, are_moved_alike, place_between, poses_between, tool_way};
-use crate::deform::{Contribution, ControlPose, DeformerState};
+use crate::deform::{Contribution, DeformerState};
 use crate::stage::Stage;
 use crate::world::dissipation::Dissipation;
-use crate::world::inertia::{Coming, Gone, Inertia, StepForces};
+use crate::world::inertia::{Gone, Inertia, StepForces};
 use crate::world::running::{Memory, read, written};
 use crate::world::tool::{Tool, pose_between};
 use crate::world::{BodyFrame, Frame, RunningEffect, World};
@@ -56,17 +57,6 @@ struct Now {
     ends: Vec<Gone>,
 }
 
-/// The poses of a body's control elements in this frame, without what inertia changes of them.
-fn poses_of(world: &World, b: usize) -> Vec<ControlPose> {
-    world.fields.bodies[b].poses.iter().map(|pose| *world.graph.get(*pose)).collect()
-}
-
-/// Where the last step has left the control elements of bodies with inertia; none of another one.
-fn poses_now(inertias: &Inertias<'_>) -> Vec<Vec<ControlPose>> {
-    let of = |inertia: &Option<&mut dyn Inertia>| inertia.as_ref().map(|inertia| inertia.now().poses);
-    inertias.iter().map(of).map(Option::unwrap_or_default).collect()
-}
-
 impl Contacts {
     pub fn new(
         bodies: Vec<TouchedBody>,
@@ -85,7 +75,8 @@ impl Contacts {
         self.bodies.iter_mut().for_each(|body| body.rubbed = Dissipation::default());
         self.felt.rests();
         let mut inertias = self.inertias_of(given);
-        let mut changed = self.begin(world, contributions, &mut inertias);
+        let (mut changed, frame_s) = acting::take(&mut self.bodies, world, contributions, &mut inertias);
+        self.frame_s = frame_s.unwrap_or(self.frame_s);
         let places: Vec<_> = self.bodies.iter().map(|body| world.bodies[body.b].room_from_body).collect();
         if self.motion.places.is_empty() {
             self.put(&places);
@@ -146,10 +137,10 @@ impl Contacts {
         if !changed && self.motion.is_settled {
             return;
         }
-        let before = poses_now(inertias);
+        let before = inertial::poses(inertias);
         self.advance(world, &Now { tools, places, ends }, inertias);
         if is_living {
-            let is_still = rest::are_still(&self.bodies, &before, &poses_now(inertias));
+            let is_still = rest::are_still(&self.bodies, &before, &inertial::poses(inertias));
             self.motion.still = if is_still { (self.motion.still + 1).min(rest::FRAMES) } else { 0 };
         }
     }
@@ -163,45 +154,6 @@ impl Contacts {
             }
         }
         found
-    }
-
-    /// Takes what acts on the bodies in this frame; one for which time stands is held as one without inertia. True if anything has changed.
-    fn begin(&mut self, world: &World, contributions: &[Contribution], inertias: &mut Inertias<'_>) -> bool {
-        let time_s = *world.graph.get(world.fields.time);
-        let mut changed = false;
-        for (body, slot) in self.bodies.iter_mut().zip(inertias) {
-            if let Some(inertia) = slot {
-                body.follow(&**inertia, &inertia.now());
-            }
-            let placed = &world.bodies[body.b];
-            let mut loads = placed.deformer.acting();
-            // Those of effects stand last.
-            let of_effects = placed.deformer.contribution().points.len();
-            loads.points.truncate(loads.points.len().saturating_sub(of_effects));
-            changed |= body.free.apply(&loads);
-            changed |= slot.is_some() && body.others != contributions[body.b];
-            body.others.clone_from(&contributions[body.b]);
-            match slot {
-                Some(inertia) => {
-                    body.free.respond();
-                    let poses = poses_of(world, body.b);
-                    let carried = (0..poses.len()).map(|control| world.is_carried(body.b, control)).collect();
-                    let begun = inertia.begin(Coming { time_s, poses, carried }, body.free.slopes());
-                    self.frame_s = begun.unwrap_or(self.frame_s);
-                    if begun.is_none() {
-                        let now = inertia.now();
-                        changed |= body.follow(&**inertia, &now);
-                        *slot = None;
-                    }
-                }
-                None => {
-                    changed |= *body.free.contribution() != body.others;
-                    body.free.contribute(&body.others);
-                }
-            }
-            body.set_inertia(slot.as_deref());
-        }
-        changed
     }
 
     /// Goes the way from the last frame to this one.

@@ -9,7 +9,7 @@ use crate::solve::{Factor, Silent, SolveError, Solver};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Who waits longer than this is told for what.
+/// Wait after which a notice says for what.
 const LONG: Duration = Duration::from_secs(1);
 
 enum Question {
