@@ -26,8 +26,8 @@ pub trait SolvedCompliance: Send + Sync + fmt::Debug {
 const KEPT_BYTES: usize = 64 << 20;
 const KEPT: usize = 12;
 
-/// Columns that are solved for together: a cut body solves for as many in the time of one, and who waits for one waits no longer.
-pub const TOGETHER: usize = 4;
+/// Columns that are solved for together: as many as a cut body solves for in the time of one.
+const TOGETHER: usize = 4;
 
 /// Columns of all bodies of a file.
 #[derive(Debug, Default)]

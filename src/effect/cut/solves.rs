@@ -6,10 +6,11 @@
 use crate::base::diagnostic::notice;
 use crate::fem::{NodeFields, StiffnessMatrix};
 use crate::solve::{Factor, Silent, SolveError, Solver};
+use std::sync::Once;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Wait after which a notice says for what.
+/// Wait after which a notice says for what, once.
 const LONG: Duration = Duration::from_secs(1);
 
 enum Question {
@@ -24,6 +25,7 @@ type Answer<T> = Sender<Result<T, String>>;
 pub struct Solves {
     ask: Sender<Question>,
     free: usize,
+    is_told: Once,
     /// Questions that were asked.
     #[cfg(test)]
     pub asked: std::sync::atomic::AtomicUsize,
@@ -36,6 +38,7 @@ impl Solves {
         Solves {
             ask,
             free,
+            is_told: Once::new(),
             #[cfg(test)]
             asked: Default::default(),
         }
@@ -76,7 +79,7 @@ impl Solves {
         self.ask.send(question(answer)).map_err(|_closed| ended())?;
         let answer = match answered.recv_timeout(LONG) {
             Err(RecvTimeoutError::Timeout) => {
-                notice!("cut: waiting for the factor of {} nodes", self.free);
+                self.is_told.call_once(|| notice!("cut: waiting for the factor of {} nodes", self.free));
                 answered.recv().map_err(|_closed| ended())
             }
             other => other.map_err(|_closed| ended()),
