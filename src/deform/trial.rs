@@ -354,7 +354,7 @@ impl Trial {
         Deviation::new(&PoseResult::of_model(deformer), &truth, self.moved.length)
     }
 
-    /// How far the deformer, as it was compared last, is from another stable equilibrium in the same poses: a body that buckles has
+    /// Deviation of the deformer, as it was compared last, from another stable equilibrium in the same poses: a body that buckles has
     /// several. `None` where it is not within [`GOOD`] of one.
     pub fn beside(
         &self,

@@ -54,7 +54,7 @@ pub struct ModelAtPose {
     pub model: &'static str,
     #[serde(flatten)]
     pub deviation: Deviation,
-    /// Where the model is not within [`GOOD`] of that equilibrium, but of another stable one: how far it is from that.
+    /// Deviation from another stable equilibrium, where the model is within [`GOOD`] of that one alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beside: Option<Deviation>,
     /// Median time from poses to the deformed surface with its forces, s.

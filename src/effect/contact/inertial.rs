@@ -63,7 +63,7 @@ pub fn go(bodies: &mut [TouchedBody], inertias: &mut Inertias<'_>, share: f64, c
     }
 }
 
-/// Where the last step has left the control elements of bodies with inertia; none of another one.
+/// Poses of the control elements of bodies with inertia at the end of the last step; none of another one.
 pub fn poses(inertias: &Inertias<'_>) -> Vec<Vec<ControlPose>> {
     let of = |inertia: &Option<&mut dyn Inertia>| inertia.as_ref().map(|inertia| inertia.now().poses);
     inertias.iter().map(of).map(Option::unwrap_or_default).collect()

@@ -1,7 +1,7 @@
 //! Rest: bodies that nothing holds and that have lain still for a second stay where they are, until something changes.
 //!
 //! In: how far bodies with inertia have gone in each frame, and what touches them. Out: whether they go on lying there. What solvers leave
-//! open would let them creep: a cube on a cube by 0.8 µm a second.
+//! open would let them creep: a cube on a cube by 0.8 µm a second. Bodies that are heard do not rest, for their modes ring on.
 
 use super::inertial::Inertias;
 use super::touch::Contact;
@@ -16,7 +16,7 @@ pub const FRAMES: u32 = 60;
 /// Part of a body's edges by which it may move in such a frame.
 const STILL: f64 = 1e-4;
 
-/// Whether there are bodies with inertia, each of which lies on something while no hand holds a part of it.
+/// Whether there are bodies with inertia, each of which lies on something, unheard, while no hand holds a part of it.
 pub fn lie(bodies: &[TouchedBody], inertias: &Inertias<'_>, contacts: &[Contact]) -> bool {
     let mut living =
         inertias.iter().enumerate().filter_map(|(number, inertia)| Some((number, inertia.as_ref()?)));
@@ -25,7 +25,7 @@ pub fn lie(bodies: &[TouchedBody], inertias: &Inertias<'_>, contacts: &[Contact]
     inertias.iter().any(Option::is_some)
         && living.all(|(number, inertia)| {
             let controls = bodies[number].free.poses.len();
-            touches(number) && (0..controls).all(|control| inertia.moves(control))
+            !bodies[number].is_heard && touches(number) && (0..controls).all(|control| inertia.moves(control))
         })
 }
 
