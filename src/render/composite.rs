@@ -207,33 +207,8 @@ impl CompositePass {
             label: Some("composite"),
             entries: &[entry(0, uniform), entry(1, picture), entry(2, picture)],
         });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: None,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let module = shader::module(&gpu.device, "composite", &shader::COMPOSITE.concat());
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("composite"),
-            layout: Some(&pipeline_layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let (label, parts) = ("composite", &shader::COMPOSITE);
+        let pipeline = shader::of_whole_texture(&gpu.device, label, parts, &[Some(&layout)], format);
         gpu.check()?;
         Ok(Self { pipeline, layout })
     }

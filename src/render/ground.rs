@@ -149,7 +149,8 @@ impl GroundMap {
         let filtered = wgpu::TextureSampleType::Float { filterable: true };
         let (heights_layout, read_heights) = group(device, &floor, &heights, depth, None);
         let (layout, read_hidden) = group(device, &floor, &hidden, filtered, Some(&sampler));
-        let pipeline = hidden_pipeline(device, &heights_layout);
+        let (label, groups) = ("ground map", [None, Some(&heights_layout)]);
+        let pipeline = shader::of_whole_texture(device, label, &shader::GROUND_MAP, &groups, HIDDEN_FORMAT);
         let depth = DepthPass::new(gpu, 1)?;
         gpu.check()?;
         Ok(GroundMap { depth, heights, hidden, floor, pipeline, read_heights, layout, read_hidden })
@@ -231,36 +232,6 @@ fn group(
         entries: &bound,
     });
     (layout, group)
-}
-
-fn hidden_pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> wgpu::RenderPipeline {
-    let module = shader::module(device, "ground map", &shader::GROUND_MAP.concat());
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("ground map"),
-        bind_group_layouts: &[None, Some(layout)],
-        immediate_size: 0,
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("ground map"),
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(HIDDEN_FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }
 
 #[cfg(test)]

@@ -37,6 +37,7 @@ mod pattern;
 mod renderer;
 mod shader;
 mod shadow;
+mod shapes;
 mod solid;
 mod strips;
 mod target;
