@@ -41,8 +41,10 @@ const STEPS: [f64; 2] = [0.5, 1.0];
 const TWIST_STEPS: [f64; 6] = [0.5, 1.0, 1.75, 2.5, 3.1, 3.67];
 /// Share of a path at which a motion is small: a turn by 3.6°.
 const SMALL: f64 = 0.04;
-/// The least step is this part of the way between two of them.
+/// The least step is this part of the way between two of them; and this where a body that does not buckle is turned, which snaps soon
+/// and whose forces change fast before.
 const LEAST_STEP: f64 = 0.25;
+const LEAST_STEP_TURNED: f64 = 1.0 / 16.0;
 /// A body that buckles does so while every tetrahedron has more than this part of its volume; one with a smaller one is about to
 /// turn that inside out instead.
 const BUCKLES: f64 = 0.8;
@@ -58,6 +60,8 @@ pub struct Equilibria {
     /// c of each, column by column, and V.
     pub coefficients: DMatrix<f64>,
     pub energies: Vec<f64>,
+    /// Whether a tetrahedron is turned inside out in it, as in no real body.
+    pub inverted: Vec<bool>,
     /// Beginnings of the paths.
     pub small: Vec<SmallMotion>,
     /// Paths, and how many of them have an equilibrium at their end.
@@ -177,11 +181,13 @@ pub fn equilibria(
         last_step: LAST_STEP,
     };
     let walk = Walk { newton, law, solution };
-    let (mut fields, mut coefficients, mut energies) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut fields, mut coefficients) = (Vec::new(), Vec::new());
+    let (mut energies, mut inverted) = (Vec::new(), Vec::new());
     let (mut small, mut whole, mut known) = (Vec::new(), 0, Vec::new());
     progress.begin("equilibria at large turns", paths.len() as u64);
     for (path, kind, steps) in &paths {
-        let found = walk.equilibria_on(path, steps).map_err(failed)?;
+        let least = if *kind == PathKind::Stretched { LEAST_STEP } else { LEAST_STEP_TURNED };
+        let found = walk.equilibria_on(path, steps, least).map_err(failed)?;
         let of = |share: f64| seen(solution, path, share);
         known.extend(
             found.iter().map(|(share, found)| known_equilibrium(solution, *kind, &of(*share), found)),
@@ -197,6 +203,7 @@ pub fn equilibria(
             times: share / SMALL,
         }));
         for (share, found) in found {
+            inverted.push(is_inverted(&found));
             let (c, mut own) = (of(share), found.u);
             add(&mut own, -1.0, &combined(&solution.fields, &c));
             let size = (2.0 * found.energy).max(f64::MIN_POSITIVE).sqrt();
@@ -214,6 +221,7 @@ pub fn equilibria(
             coefficients[at][row]
         }),
         energies,
+        inverted,
         small,
         paths: [paths.len() - HELD_OUT, whole],
         known: DMatrix::from_columns(&known),
@@ -228,24 +236,32 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved.
-    fn equilibria_on(&self, path: &Path, steps: &[f64]) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
+    /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved, down to
+    /// `least` of it where the body does not buckle.
+    fn equilibria_on(
+        &self,
+        path: &Path,
+        steps: &[f64],
+        least: f64,
+    ) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
         let (mut found, mut from, mut before) = (Vec::<(f64, Equilibrium)>::new(), 0.0, 0.0);
         let rest = NodeFields::zeros(self.solution.mesh.nodes.len(), 1);
         for goal in steps {
-            let mut step = goal - before;
-            let least = LEAST_STEP * step;
+            let way = goal - before;
+            let mut step = way;
             while from < *goal {
                 let share = goal.min(from + step);
-                let u = found.last().map_or(&rest, |(_, last)| &last.u);
+                let last = found.last().map(|(_, last)| last);
+                let u = last.map_or(&rest, |last| &last.u);
+                let volume = last.map_or(1.0, least_volume);
+                let least = if volume > 0.0 && volume <= BUCKLES { least } else { LEAST_STEP };
                 let held = |_: f64, u: &mut NodeFields| hold(self.solution, path, share, u);
                 let mut next = self.newton.step_to(u, &held)?.filter(|next| self.is_sound(next));
-                if next.is_none() && 0.5 * step >= least {
+                if next.is_none() && 0.5 * step >= least * way {
                     step *= 0.5;
                     continue;
                 }
-                let is_whole = || found.last().is_none_or(|(_, last)| least_volume(last) > BUCKLES);
-                if next.is_none() && share <= 1.0 && is_whole() {
+                if next.is_none() && share <= 1.0 && volume > BUCKLES {
                     next = self.aside(path, [from, share], u)?;
                 }
                 let Some(next) = next else { return Ok(found) };
@@ -385,16 +401,20 @@ mod tests {
     use crate::fem::{Lame, NEO_HOOKEAN, Partition, TET4};
     use crate::green::{self, Requirements};
     use crate::scene::Scene;
-    use crate::solve::{LAST_STEP as EXACT, Silent};
+    use crate::solve::{Followed, LAST_STEP as EXACT, NewtonError, Silent};
 
-    /// A plate that is bent in its own plane buckles out of it: the state at the end of the way is the one to which small steps lead.
-    #[test]
-    fn a_plate_that_is_bent_in_its_plane_goes_on_buckled() {
-        let text = "[body.b]\ngenerate = { block = { size = [0.24, 0.24, 0.02], cells = [6, 6, 1] } }\n\
-                    material = { young = 1.0e6, poisson = 0.3 }\n\
-                    control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
-                    control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-        let scene = Scene::parse(text, std::path::Path::new("plate.toml")).unwrap();
+    /// The equilibria of a block on the way to a turn by 90°, and where small steps along its branch lead.
+    fn walked(
+        block: &str,
+        turn: Vector3<f64>,
+        least: f64,
+    ) -> (Vec<(f64, Equilibrium)>, Result<Followed, NewtonError>) {
+        let text = format!(
+            "[body.b]\ngenerate = {{ block = {block} }}\nmaterial = {{ young = 1.0e6, poisson = 0.3 }}\n\
+             control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+             control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
+        );
+        let scene = Scene::parse(&text, std::path::Path::new("block.toml")).unwrap();
         let solution = green::solve(&scene, "b", &Requirements::new(&[green::AFFINE]), &Silent).unwrap();
         let mesh = &solution.mesh;
         let lame = vec![Lame::from_young_poisson(1.0e6, 0.3); mesh.tets.len()];
@@ -412,11 +432,18 @@ mod tests {
             last_step: EXACT,
         };
         let walk = Walk { newton, law: &NEO_HOOKEAN, solution: &solution };
-        let path: Path = [-0.5, 0.5].map(|half| (Vector3::zeros(), Vector3::z() * (half * TURN))).to_vec();
-        let found = walk.equilibria_on(&path, &STEPS).unwrap();
-        let (share, last) = found.last().unwrap();
+        let path: Path = [-0.5, 0.5].map(|half| (Vector3::zeros(), turn * (half * TURN))).to_vec();
+        let found = walk.equilibria_on(&path, &STEPS, least).unwrap();
         let way = |share: f64, u: &mut NodeFields| hold(&solution, &path, share, u);
-        let known = walk.newton.follow(rest, 24, &way, &Silent).unwrap();
+        (found, walk.newton.follow(rest, 24, &way, &Silent))
+    }
+
+    /// A plate that is bent in its own plane buckles out of it: the state at the end of the way is the one to which small steps lead.
+    #[test]
+    fn a_plate_that_is_bent_in_its_plane_goes_on_buckled() {
+        let (found, known) =
+            walked("{ size = [0.24, 0.24, 0.02], cells = [6, 6, 1] }", Vector3::z(), LEAST_STEP_TURNED);
+        let ((share, last), known) = (found.last().unwrap(), known.unwrap());
         let out_of_plane =
             |of: &Equilibrium| of.u.data.iter().skip(2).step_by(3).fold(0.0_f64, |a, z| a.max(z.abs()));
         let [own, expected] = [last, &known.equilibrium].map(|of| (of.energy, out_of_plane(of)));
@@ -426,5 +453,19 @@ mod tests {
             (own.0 / expected.0 - 1.0).abs() < 0.01 && (own.1 / expected.1 - 1.0).abs() < 0.05,
             "{own:?}"
         );
+    }
+
+    /// A compact body that is bent across its diagonal goes on in small steps where long ones lose it.
+    #[test]
+    fn a_compact_body_is_followed_in_small_steps() {
+        let block = "{ size = [1.0, 1.0, 1.0], cells = [6, 6, 6] }";
+        let across = Vector3::new(0.0, 1.0, 1.0).normalize();
+        let [(long, _), (short, known)] =
+            [LEAST_STEP, LEAST_STEP_TURNED].map(|least| walked(block, across, least));
+        let ends = [&long, &short].map(|found| found.last().map_or(0.0, |(share, _)| *share));
+        let [own, expected] = [&short.last().unwrap().1, &known.unwrap().equilibrium].map(|of| of.energy);
+        println!("followed to {ends:?}; {own} and {expected} J");
+        assert!(ends[0] < 0.7 && ends[1] == 1.0, "{ends:?}");
+        assert!((own / expected - 1.0).abs() < 1e-3, "{own} and {expected} J");
     }
 }

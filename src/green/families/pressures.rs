@@ -26,7 +26,7 @@ const MISSED: f64 = 1e-5;
 pub struct States {
     /// A column for each.
     pub u: NodeFields,
-    /// Weight of each.
+    /// Weight of each; of one below 1 nothing more is asked.
     pub weights: Vec<f64>,
 }
 
@@ -34,7 +34,7 @@ pub struct States {
 pub struct Pressures {
     /// ψ, a row for each point.
     pub weights: DMatrix<f64>,
-    /// The largest part of a state's energy that they miss.
+    /// The largest part that they miss of the energy of a state whose weight is 1 or more.
     pub missed: f64,
     /// The points at which states are pressed most.
     pub pressed: Vec<usize>,
@@ -66,7 +66,9 @@ pub fn pressures(points: &RestPoints, states: &States) -> Pressures {
     let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let mut left: Vec<f64> = strains.column_iter().map(|strain| strain.norm_squared()).collect();
+    // Of states that count less than a whole one, nothing is asked.
+    let asked: Vec<usize> = (0..sizes.len()).filter(|state| states.weights[*state] >= 1.0).collect();
+    let mut left: Vec<f64> = asked.iter().map(|state| strains.column(*state).norm_squared()).collect();
     let most = |left: &[f64]| left.iter().copied().fold(0.0, f64::max);
     for k in order {
         let value = eigen.eigenvalues[k];
@@ -75,7 +77,7 @@ pub fn pressures(points: &RestPoints, states: &States) -> Pressures {
         }
         let mode = &seen * eigen.eigenvectors.column(k) / value.sqrt();
         let shares = strains.tr_mul(&mode);
-        left.iter_mut().zip(shares.iter()).for_each(|(left, share)| *left -= share * share);
+        left.iter_mut().zip(&asked).for_each(|(left, state)| *left -= shares[*state] * shares[*state]);
         modes.push(mode);
     }
     // ψ = √(κ/vol) of what is orthonormal.
@@ -156,7 +158,10 @@ mod tests {
         let points = RestPoints::new(&TET10, &mesh, &lame).unwrap();
         let mut u = NodeFields::zeros(mesh.nodes.len(), 3);
         u.data.iter_mut().enumerate().for_each(|(i, u)| *u = 0.1 * (1.7 * i as f64).sin());
-        let states = States { u, weights: vec![1.0, 2.0, 10.0] };
+        let states = States { u, weights: vec![1.0, 2.0, 1e-3] };
+        let found = pressures(&points, &states);
+        assert!(found.weights.ncols() == 3 && found.missed < 1e-5, "two states count: {}", found.missed);
+        let states = States { weights: vec![1.0, 2.0, 10.0], ..states };
         let found = pressures(&points, &states);
         assert!(
             found.weights.ncols() == 4 && found.missed < 1e-12,

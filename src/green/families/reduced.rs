@@ -46,7 +46,7 @@ use crate::fem::dense_fields::{add, beside, combined, principal, products, split
 use crate::fem::{CubicShape, Law, NEO_HOOKEAN, NodeFields, QuarticShape, RestPoints, STVK, StiffnessMatrix};
 use crate::scene::Body;
 use crate::solve::Progress;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 pub const REDUCED: Family = Family { name: "reduced", from: &[AFFINE] };
 pub const REDUCED_NEO_HOOKEAN: Family = Family { name: "reduced_neo_hookean", from: &[AFFINE] };
@@ -127,6 +127,9 @@ const MISSED_BY_MANY: f64 = 1e-3;
 const FEW_FIELDS: usize = 48;
 /// Weight of a small motion beside an equilibrium where pressures are chosen.
 const SMALL_WEIGHT: f64 = 10.0;
+/// Weight of an equilibrium in which a tetrahedron is inside out, where fields and pressures are chosen: with as much as the others have,
+/// what it bends into at a few nodes would take the place of fields that these need.
+const INVERTED_WEIGHT: f64 = 0.1;
 /// Displacement in parts of the body's length at which what a load does is a small strain.
 const LITTLE: f64 = 1e-5;
 /// Points that a body of the neo-Hookean law watches at most: one for each state.
@@ -223,7 +226,7 @@ fn compute(
 }
 
 /// States that the pressures must serve: the equilibria, and small motions and what each load does at rest, which count more, so
-/// that they are met more nearly.
+/// that they are met more nearly; less those in which a tetrahedron is inside out.
 fn states(
     assembled: &Assembled<'_>,
     solution: &Solution,
@@ -255,7 +258,8 @@ fn states(
     let mut u = combined(&solution.fields, &c);
     add(&mut u, 1.0, &combined(&equilibria.fields, &sizes));
     let u = beside(&[&u, &loaded]);
-    let weights = (0..u.columns).map(|state| if state < count { 1.0 } else { SMALL_WEIGHT });
+    let of_equilibria = equilibria.inverted.iter().map(|inverted| weight(*inverted));
+    let weights = of_equilibria.chain(std::iter::repeat_n(SMALL_WEIGHT, u.columns - count));
     States { weights: weights.collect(), u }
 }
 
@@ -307,7 +311,7 @@ fn write_forms(
         "{} pressures miss at most {:.1e} of the energy of {} states",
         chosen.weights.ncols(),
         chosen.missed,
-        states.u.columns
+        states.weights.iter().filter(|weight| **weight >= 1.0).count()
     );
     solution.notices.push(Diagnostic::new(Severity::Note, format!("body.{}.model", assembled.name), message));
     let watched = &chosen.pressed[..chosen.pressed.len().min(MOST_POINTS)];
@@ -380,13 +384,19 @@ fn enriched(
     equilibria: &Equilibria,
 ) -> NodeFields {
     let k = assembled.k;
-    let left = without(k, &equilibria.fields, main);
+    let weights = equilibria.inverted.iter().map(|inverted| weight(*inverted));
+    let weights = DMatrix::from_diagonal(&DVector::from_iterator(equilibria.inverted.len(), weights));
+    let left = combined(&without(k, &equilibria.fields, main), &weights);
     let found = principal(k, &left, most_fields(solution.controls.len()) - main.columns);
     let shares = products(k, &found, &left);
     let mut missed = products(k, &left, &left).diagonal();
     let mut count = 0;
     let allowed = |count: usize| if main.columns + count < FEW_FIELDS { MISSED } else { MISSED_BY_MANY };
-    while count < found.columns && missed.max() > allowed(count) {
+    let worst = |missed: &DVector<f64>| {
+        let sound = missed.iter().zip(&equilibria.inverted).filter(|(_, inverted)| !**inverted);
+        sound.map(|(missed, _)| *missed).fold(f64::EPSILON, f64::max)
+    };
+    while count < found.columns && worst(&missed) > allowed(count) {
         missed -= shares.row(count).map(|share| share * share).transpose();
         count += 1;
     }
@@ -395,14 +405,18 @@ fn enriched(
     let mut message = format!(
         "{} fields miss at most {:.1e} of the energy of {} equilibria, bent, twisted and pressed",
         basis.columns,
-        missed.max().max(f64::EPSILON),
-        equilibria.fields.columns
+        worst(&missed),
+        equilibria.inverted.iter().filter(|inverted| !**inverted).count()
     );
     if whole < paths {
         message += &format!("; {} of {paths} ways there have none at 90° or at their end", paths - whole);
     }
     solution.notices.push(Diagnostic::new(Severity::Note, format!("body.{}.model", assembled.name), message));
     basis
+}
+
+fn weight(is_inverted: bool) -> f64 {
+    if is_inverted { INVERTED_WEIGHT } else { 1.0 }
 }
 
 /// Φ with what loads do: at rest, and in second order beside motions. Then that at rest, a column for each.
