@@ -6,9 +6,9 @@
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
 //! of a cube that stands along the way between them, pulled, pressed, and turned and shifted at once in random directions. Twists go on to
-//! 330°, or to where the body buckles. A step that fails is halved; where the body buckles before 90°, it gives way to a side. Under St.
-//! Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no equilibrium, for nothing resists that; the neo-Hookean
-//! law resists it.
+//! 330°, or to where the body buckles. A step that fails is halved, most often where the body does not buckle; where it buckles before
+//! 90°, it gives way to a side. Under St. Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no equilibrium, for
+//! nothing resists that; the neo-Hookean law resists it.
 
 use super::super::control::FIELDS;
 use super::super::error::GreenError;

@@ -6,8 +6,8 @@
 //! all φ_3. Of two elements the φ_2 span the 21 second derivatives of the equilibrium by their relative motion, and all are kept (J.
 //! Barbič, D. James, ACM Transactions on Graphics 24, 2005, 982-990, use the same with vibration modes); in place of φ_3 stand the
 //! main parts of [`equilibria`](super::equilibria) at large turns, where the body is small enough to be solved for them: a proper
-//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Main parts
-//! are those of the energy norm.
+//! orthogonal decomposition, as many as leave at most 10⁻⁵ of the energy of each, or 10⁻³ where that takes more than 48. Equilibria with
+//! tetrahedra inside out count a tenth, and nothing is asked of them. Main parts are those of the energy norm.
 //!
 //! The family `reduced_neo_hookean` has the same for the neo-Hookean law: fields from its equilibria, and in place of the quartic
 //! `reduced/volume`, cubics of which the energy is a sum of squares ([`RestPoints::volume_forms`]), with the few
