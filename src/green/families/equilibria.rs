@@ -6,7 +6,7 @@
 //!
 //! The elements go along screws, as in [`screw_paths`](super::screw_paths): turned by up to 90° about the axes and the diagonals
 //! of a cube that stands along the way between them, pulled, pressed, and turned and shifted at once in random directions. Twists go on to
-//! 330°, or to where the body buckles. A step that fails is halved, most often where the body does not buckle; where it buckles before
+//! 330°, or to where the body buckles. A step that fails is halved, most often where the body is pressed much; where it buckles before
 //! 90°, it gives way to a side. Under St. Venant–Kirchhoff's law a state in which a tetrahedron is inside out is no equilibrium, for
 //! nothing resists that; the neo-Hookean law resists it.
 
@@ -41,10 +41,11 @@ const STEPS: [f64; 2] = [0.5, 1.0];
 const TWIST_STEPS: [f64; 6] = [0.5, 1.0, 1.75, 2.5, 3.1, 3.67];
 /// Share of a path at which a motion is small: a turn by 3.6°.
 const SMALL: f64 = 0.04;
-/// The least step is this part of the way between two of them; and this where a body that does not buckle is turned, which snaps soon
-/// and whose forces change fast before.
+/// The least step is this part of the way between two of them; and this where a body is turned of which a tetrahedron has less than half
+/// of its volume: it snaps soon, and its forces change fast before.
 const LEAST_STEP: f64 = 0.25;
 const LEAST_STEP_TURNED: f64 = 1.0 / 16.0;
+const PRESSED_VOLUME: f64 = 0.5;
 /// A body that buckles does so while every tetrahedron has more than this part of its volume; one with a smaller one is about to
 /// turn that inside out instead.
 const BUCKLES: f64 = 0.8;
@@ -237,7 +238,7 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved, down to
-    /// `least` of it where the body does not buckle.
+    /// `least` of it where the body is pressed much.
     fn equilibria_on(
         &self,
         path: &Path,
@@ -254,7 +255,7 @@ impl Walk<'_> {
                 let last = found.last().map(|(_, last)| last);
                 let u = last.map_or(&rest, |last| &last.u);
                 let volume = last.map_or(1.0, least_volume);
-                let least = if volume > 0.0 && volume <= BUCKLES { least } else { LEAST_STEP };
+                let least = if volume > 0.0 && volume < PRESSED_VOLUME { least } else { LEAST_STEP };
                 let held = |_: f64, u: &mut NodeFields| hold(self.solution, path, share, u);
                 let mut next = self.newton.step_to(u, &held)?.filter(|next| self.is_sound(next));
                 if next.is_none() && 0.5 * step >= least * way {
