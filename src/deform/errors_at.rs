@@ -137,12 +137,6 @@ impl ErrorsAt {
     }
 }
 
-/// The errors of the first of the measured reaches that goes as far: of a wall that may buckle anywhere between two of them.
-pub(super) fn within(measured: &[ErrorsAt], reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
-    let next = measured.iter().position(|at| at.covers(reach))?;
-    if next == 0 { between(measured, reach, begin) } else { Some(measured[next]) }
-}
-
 /// The errors at a reach: between the measured ones, up to the first its own or, where it is known with what they begin at rest, what
 /// they can have grown to; `None` beyond the last.
 pub(super) fn between(measured: &[ErrorsAt], reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {

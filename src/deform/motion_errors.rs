@@ -4,7 +4,7 @@
 //! leads there. Out: the errors to expect. A turn has the errors of the measured directions around its own: of a cube's surface by whose
 //! corners, edges and faces the directions go, its own point lies in a triangle of three of them, and those of its corners count.
 
-use super::errors_at::{ErrorsAt, between, within};
+use super::errors_at::{ErrorsAt, between};
 use super::trial::Direction;
 use super::turn::{RESTS, Reach};
 use nalgebra::Vector3;
@@ -49,6 +49,8 @@ pub struct DirectionErrors {
 
 /// Distance from an arc below which a body counts as bent along it, as a part of its length.
 const ARC: f64 = 0.001;
+/// Part by which a turn may be larger than a measured one: by rounding.
+const ROUNDING: f64 = 1.001;
 /// Part of a turn below which a direction beside it does not count.
 const BESIDE: f64 = 0.05;
 
@@ -91,15 +93,18 @@ impl MotionErrors {
         let near =
             begin.is_some() && reach.turn <= first.turn && stretch <= first.stretch && off <= first.off;
         if off <= self.turned.off() + ARC && !near {
-            return self.turned.at(Reach { turn: reach.turn, stretch, ..Reach::default() }, turn, begin);
+            return self.turned.at(Reach { off: 0.0, ..reach }, turn, begin);
         }
-        let turned = self.turned.at(Reach { turn: arc, ..Reach::default() }, turn, begin)?;
+        let turned = self.turned.at(Reach { turn: arc, arc, ..Reach::default() }, turn, begin)?;
         let aside = Reach { off, ..Reach::default() };
         let least = turned.and(&begin.map_or(first, |begin| first.begun(aside, begin)));
         if near {
             return Some(least);
         }
-        let shifted = between(&self.shifted, reach, begin)?;
+        // A shift is stretched by what the turn alone does not stretch.
+        let by_the_turn = turned.stretch * (arc / turned.turn).min(1.0);
+        let shifted =
+            between(&self.shifted, Reach { stretch: (stretch - by_the_turn).max(0.0), ..reach }, begin)?;
         Some(least.towards(&least.and(&shifted), (off / shifted.off).min(1.0)))
     }
 }
@@ -130,12 +135,26 @@ impl TurnErrors {
         };
         let differ = !self.about.is_empty();
         let of = |direction: Direction| match differ {
-            true => within(self.of(direction), reach, begin),
+            true => self.within(direction, reach, begin),
             false => between(self.of(direction), reach, begin),
         };
         let mut all = around.into_iter().map(|(direction, _)| of(direction));
         let nearest = all.next()??;
         Some(all.flatten().fold(nearest, |a, b| a.and(&b)))
+    }
+
+    /// Errors of the first measured turn about a direction that goes as far, for a wall may buckle anywhere between two of them. Some other
+    /// turn by that angle must stretch the body as much, as one between two directions may more than either.
+    fn within(&self, direction: Direction, reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
+        let goes_as_far = |at: &&ErrorsAt| {
+            let others = self.about.iter().flat_map(|of| &of.at).filter(|other| other.angle <= at.angle);
+            reach.arc <= ROUNDING * at.angle.to_radians()
+                && others.into_iter().any(|at| reach.stretch <= at.stretch)
+        };
+        let measured = self.of(direction);
+        let at = measured.iter().find(goes_as_far)?;
+        let is_first = at.angle == measured[0].angle;
+        Some(begin.filter(|_| is_first).map_or(*at, |begin| at.begun(reach, begin)))
     }
 }
 
@@ -206,7 +225,8 @@ mod tests {
         };
         let force = |errors: &TurnErrors, degrees: f64, turn: Option<[f64; 3]>| {
             let turn = turn.map(|turn| Vector3::from(turn).normalize() * degrees.to_radians());
-            let reach = Reach { turn: degrees.to_radians(), ..Reach::default() };
+            let turn_by = degrees.to_radians();
+            let reach = Reach { turn: turn_by, arc: turn_by, ..Reach::default() };
             let found = errors.at(reach, turn.as_ref(), None)?.force?;
             Some((1e6 * found).round() / 1e6)
         };

@@ -357,9 +357,11 @@ fn a_view_whose_x_server_ends_leaves_no_force() {
     let count = std::env::var("GREENSTAGE_ENDS").map_or(1, |count| count.parse::<usize>().unwrap() / 50);
     for _ in 0..count.max(1) {
         let Some(display) = Display::start([700, 460]) else { return };
-        // It takes the right end after a second, and moves.
+        // It takes the right end after a second, and moves to and fro for as long as it is served: on a busy machine the view may draw
+        // its first picture later.
         let device = Played::new("vrpn", |stream, told| {
-            serve_vrpn(stream, told, |t| if t < 1.0 { 0.0 } else { 1e-6 + 0.03 * (t - 1.0).min(1.0) });
+            let way = |t: f64| 1e-6 + 0.015 * (1.0 - (std::f64::consts::PI * (t - 1.0)).cos());
+            serve_vrpn(stream, told, |t| if t < 1.0 { 0.0 } else { way(t) });
         });
         let place = folder("ends-view");
         let desktop = greenstage::stage::BUILT_IN.iter().find(|(name, _)| *name == "desktop").unwrap().1;

@@ -40,13 +40,19 @@ const LEVELS: [Level; 5] = [
     Level {
         angle: 60.0,
         shifts: &[
-            Motion::BentAndPulled(60.0, 0.05),
-            Motion::BentAndPulled(60.0, -0.05),
+            Motion::BentAndPulled(60.0, STRAIN),
+            Motion::BentAndPulled(60.0, -STRAIN),
             Motion::Shift([0.1, 0.0]),
         ],
     },
-    Level { angle: 90.0, shifts: &[Motion::BentAndPulled(90.0, 0.05), Motion::BentAndPulled(90.0, -0.05)] },
+    Level {
+        angle: 90.0,
+        shifts: &[Motion::BentAndPulled(90.0, STRAIN), Motion::BentAndPulled(90.0, -STRAIN)],
+    },
 ];
+
+/// Part of its chord by which a bent body is pulled and pressed.
+const STRAIN: f64 = 0.05;
 
 /// Parts of the length by which it is pulled away, which are shifts of the levels too.
 pub const PULLS: [f64; 3] = [0.01, 0.05, 0.1];
@@ -88,10 +94,25 @@ fn turns(levels: &[Level], about: Direction) -> Vec<Vec<Motion>> {
     levels.iter().map(|level| vec![level.turn(about)]).collect()
 }
 
-/// Half of the way from the level before to one whose turn has no equilibrium: what is found there is a level of that direction.
-fn half_way(levels: &[Level], angle: f64) -> Option<f64> {
-    let i = levels.iter().position(|level| level.angle == angle)?;
-    Some(0.5 * (levels[i.checked_sub(1)?].angle + angle))
+/// Parts of the way from the level before to one without an equilibrium at which one is sought instead, the farthest first.
+const NEARER: [f64; 2] = [0.5, 0.25];
+
+/// Turns nearer than a level, the farthest first, °: the first that has an equilibrium takes its place.
+fn nearer(levels: &[Level], angle: f64) -> impl Iterator<Item = f64> {
+    let at = levels.iter().position(|level| level.angle == angle);
+    let before = at.and_then(|at| at.checked_sub(1)).map(|before| levels[before].angle);
+    before.into_iter().flat_map(move |before| NEARER.map(|part| before + part * (angle - before)))
+}
+
+/// The shifts of a level, and those that take their place where one of them has no equilibrium: along the arc alone, as far as the level
+/// turns, and nearer.
+fn shifts(levels: &[Level], level: &Level) -> Vec<(f64, Vec<Motion>)> {
+    let own = (level.angle, level.shifts.to_vec());
+    let is_small = level.angle < LEVELS[1].angle;
+    let instead = [level.angle].into_iter().chain(nearer(levels, level.angle)).filter(|_| !is_small);
+    let along_the_arc =
+        |angle: f64| (angle, [STRAIN, -STRAIN].map(|along| Motion::BentAndPulled(angle, along)).to_vec());
+    [own].into_iter().chain(instead.map(along_the_arc)).collect()
 }
 
 fn presses() -> Vec<Vec<Motion>> {
@@ -200,14 +221,12 @@ impl Measured {
         }
         let mut found = Found::default();
         progress.begin("errors of the model", 1000 * motions() as u64);
-        let shifts = LEVELS.iter().map(|level| level.shifts.to_vec()).collect();
         for about in MAIN {
             self.turn(&moved, (&LEVELS, about), progress, left_out, &mut found)?;
         }
         let differ = found.mesh.iter().any(|(_, at)| at.wrench().is_some_and(|part| part > DIFFER));
-        for kind in [shifts, presses()] {
-            self.go(&moved, &kind, progress, left_out, &mut found)?;
-        }
+        self.shift(&moved, progress, left_out, &mut found)?;
+        self.go(&moved, &presses(), progress, left_out, &mut found)?;
         progress.end();
         if differ {
             let all: Vec<Direction> = directions().filter(|about| !MAIN.contains(about)).collect();
@@ -238,7 +257,7 @@ impl Measured {
         })
     }
 
-    /// Adds what is found at each level of a direction, and half-way to the first one where the body or the finer one has no equilibrium.
+    /// Adds what is found at each level of a direction, and nearer than the first one where the body or the finer one has no equilibrium.
     fn turn(
         &mut self,
         moved: &Moved,
@@ -248,17 +267,54 @@ impl Measured {
         found: &mut Found,
     ) -> Result<(), Failure> {
         self.go(moved, &turns(levels, about), progress, left_out, found)?;
-        let is_in =
-            |all: &[(Motion, ErrorsAt)], level: &Level| all.iter().any(|(own, _)| *own == level.turn(about));
-        let is_missing = |level: &&Level| {
-            let finer = self.finer.is_err() || level.angle < LEVELS[1].angle || is_in(&found.whole, level);
-            !is_in(&found.model, level) || !finer
+        let Some(lost) = levels.iter().find(|level| !self.is_known(found, &[level.turn(about)])) else {
+            return Ok(());
         };
-        let missing = levels.iter().find(is_missing);
-        match missing.and_then(|level| half_way(levels, level.angle)) {
-            Some(angle) => self.go(moved, &[vec![turn(about, angle)]], &Silent, left_out, found),
-            None => Ok(()),
+        for angle in nearer(levels, lost.angle) {
+            let motions = [turn(about, angle)];
+            self.go(moved, &[motions.to_vec()], &Silent, left_out, found)?;
+            if self.is_known(found, &motions) {
+                break;
+            }
         }
+        Ok(())
+    }
+
+    /// Adds what is found at the shifts of each level, or at those in their place; none beyond the first level that is not reached.
+    fn shift(
+        &mut self,
+        moved: &Moved,
+        progress: &dyn Progress,
+        left_out: &mut dyn FnMut(String),
+        found: &mut Found,
+    ) -> Result<(), Failure> {
+        let mut tried: Vec<Motion> = Vec::new();
+        for level in &LEVELS {
+            let mut reached = 0.0;
+            for (angle, motions) in shifts(&LEVELS, level) {
+                let new: Vec<Motion> =
+                    motions.iter().copied().filter(|motion| !tried.contains(motion)).collect();
+                self.go(moved, std::slice::from_ref(&new), progress, left_out, found)?;
+                tried.extend(new);
+                if self.is_known(found, &motions) {
+                    reached = angle;
+                    break;
+                }
+            }
+            if reached < level.angle {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the body has an equilibrium in all of these motions, and the finer one in those that are not small.
+    fn is_known(&self, found: &Found, motions: &[Motion]) -> bool {
+        let is_in = |all: &[(Motion, ErrorsAt)], motion| all.iter().any(|(own, _)| *own == motion);
+        motions.iter().all(|&motion| {
+            let is_fine = self.finer.is_err() || LEVELS[0].has(motion) || is_in(&found.whole, motion);
+            is_in(&found.model, motion) && is_fine
+        })
     }
 
     /// Adds what is found at the motions of each level; none beyond the first without an equilibrium.
@@ -379,11 +435,20 @@ fn motion_errors(
     if by_direction {
         turned.about = directions().map(with_small).collect();
     }
-    let shifted = growing(found, levels.iter().map(|level| (level.angle, level.shifts.to_vec())));
+    let is_found = |motion: &Motion| found.iter().any(|(own, _)| own == motion);
+    let all_found = |(_, motions): &(f64, Vec<Motion>)| motions.iter().all(is_found);
+    let mut reached: Vec<(f64, Vec<Motion>)> = Vec::new();
+    for level in levels {
+        reached.extend(shifts(levels, level).into_iter().find(all_found));
+        if reached.last().is_none_or(|(angle, _)| *angle < level.angle) {
+            break;
+        }
+    }
+    let shifted = growing(found, reached);
     MotionErrors { turned, shifted, pulled: along(pulls, 1.0), pressed: along(&PRESSES, -1.0) }
 }
 
-/// Errors of turns about one direction, as far as they were found, and half-way to the next level; with those about others `beside` it where
+/// Errors of turns about one direction, as far as they were found, and nearer than the next level; with those about others `beside` it where
 /// they were found.
 fn of_direction(
     found: &[(Motion, ErrorsAt)],
@@ -395,8 +460,8 @@ fn of_direction(
         |about: Direction, angle: f64| found.iter().any(|(motion, _)| *motion == turn(about, angle));
     let whole = levels.iter().map(|level| level.angle).take_while(|angle| is_found(about, *angle));
     let mut angles: Vec<f64> = whole.collect();
-    let half = levels.get(angles.len()).and_then(|next| half_way(levels, next.angle));
-    angles.extend(half.filter(|angle| is_found(about, *angle)));
+    let next = levels.get(angles.len()).map_or(0.0, |next| next.angle);
+    angles.extend(nearer(levels, next).find(|angle| is_found(about, *angle)));
     let motions = |angle: f64| {
         let beside = beside.iter().copied().filter(|beside| is_found(*beside, angle));
         [about].into_iter().chain(beside).map(|about| turn(about, angle)).collect()
