@@ -244,4 +244,41 @@ mod tests {
         assert_eq!(force(&differ, 20.0, Some([0.0, 0.3, 1.0])), None, "the nearest is not known");
         assert_eq!(force(&differ, 20.0, Some([0.0, 0.6, 1.0])), Some(0.9), "the other direction is nearer");
     }
+    fn at(angle: f64, [stretch, off]: [f64; 2], force: f64) -> ErrorsAt {
+        let turn = angle.to_radians();
+        ErrorsAt { angle, turn, stretch, off, force: Some(force), torque: Some(force), shape: 0.0 }
+    }
+
+    /// A turn between two directions stretches a wall more than either, but no more than some other turn by its angle.
+    #[test]
+    fn a_turn_may_stretch_a_body_as_much_as_others_by_its_angle() {
+        let about = [([0, 1, 0], 0.1), ([0, 0, 1], 0.3)].map(|(direction, stretch)| DirectionErrors {
+            direction,
+            at: vec![at(30.0, [stretch, 0.0], 0.2), at(60.0, [2.0 * stretch, 0.0], 0.4)],
+        });
+        let errors = TurnErrors { about: about.to_vec(), ..TurnErrors::default() };
+        let force = |degrees: f64, stretch: f64| {
+            let arc = degrees.to_radians();
+            let turn = Vector3::new(0.0, arc, 0.0);
+            errors.at(Reach { turn: arc, arc, stretch, ..Reach::default() }, Some(&turn), None)?.force
+        };
+        assert_eq!([force(30.0, 0.1), force(30.0, 0.3)], [Some(0.2); 2]);
+        assert_eq!(force(30.0, 0.4), Some(0.4), "no turn by 30° stretches it so much");
+        assert_eq!([force(60.0, 0.7), force(61.0, 0.1)], [None; 2]);
+    }
+
+    /// Off an arc, a body is stretched by its turn and by its shift.
+    #[test]
+    fn a_shift_is_measured_by_the_stretch_that_is_not_the_turns() {
+        let bent = vec![at(30.0, [0.15, 0.0], 0.1), at(60.0, [0.3, 0.0], 0.2)];
+        let turned = TurnErrors { twisted: bent.clone(), both: bent.clone(), bent, about: Vec::new() };
+        let shifted = vec![at(30.0, [0.1, 0.1], 0.3), at(60.0, [0.2, 0.1], 0.4)];
+        let errors = MotionErrors { turned, shifted, ..MotionErrors::default() };
+        let force = |degrees: f64, stretch: f64| {
+            let arc = degrees.to_radians();
+            errors.at(Reach { turn: arc, arc, stretch, off: 0.1, pull: 0.0 }, None, None)?.force
+        };
+        assert_eq!([force(60.0, 0.3), force(60.0, 0.45)], [Some(0.4); 2]);
+        assert_eq!([force(60.0, 0.55), force(10.0, 0.3)], [None; 2], "more than any shift");
+    }
 }

@@ -54,7 +54,6 @@ impl DrawPass for FormedPass {
             let Some(shape) = shape else { continue };
             if to.shows(&shape.bounds, &to.view_draw.clip_from_shape(&formed.room_from_shape)) {
                 to.pass.set_pipeline(pipeline);
-                shape.bind(to.pass);
                 self.instances.bind(to.pass, 1, k);
                 shape.draw(to.pass);
             }

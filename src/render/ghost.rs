@@ -69,7 +69,6 @@ impl DrawPass for GhostPass {
             for (way, pipelines) in self.pipelines.iter().enumerate().take(ways) {
                 let Some(pipeline) = pipelines.pipeline(to.view_draw) else { continue };
                 to.pass.set_pipeline(pipeline);
-                shape.bind(to.pass);
                 self.instances.bind(to.pass, 1, 2 * k + way);
                 shape.draw(to.pass);
             }

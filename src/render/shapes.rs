@@ -75,14 +75,10 @@ impl Shape {
         })
     }
 
-    /// Binds its vertices and triangles.
-    pub fn bind(&self, pass: &mut wgpu::RenderPass<'_>) {
-        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
-        pass.set_vertex_buffer(0, self.vertices.slice(..));
-    }
-
     /// Draws it with the one instance that is bound.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.draw_indexed(0..self.corners, 0, 0..1);
     }
 }

@@ -644,4 +644,33 @@ mod tests {
         assert_eq!((all.pulled, all.shifted), (vec![], vec![]), "one of a level's motions is missing");
         assert_eq!(motions(), 35);
     }
+    #[test]
+    fn shifts_without_an_equilibrium_are_replaced_by_nearer_ones() {
+        let at = |force: f64| ErrorsAt {
+            angle: 0.0,
+            turn: 0.5,
+            stretch: 0.1,
+            off: 0.1,
+            force: Some(force),
+            torque: Some(0.0),
+            shape: 0.0,
+        };
+        let first = LEVELS[..2].iter().flat_map(|level| level.shifts);
+        let mut found: Vec<(Motion, ErrorsAt)> = first.map(|motion| (*motion, at(0.1))).collect();
+        let reached = |found: &[(Motion, ErrorsAt)]| -> Vec<(f64, Option<f64>)> {
+            let all = motion_errors(found, &LEVELS, &PULLS, false).shifted;
+            all.iter().map(|at| (at.angle, at.force)).collect()
+        };
+        let near = [(1.0, Some(0.1)), (10.0, Some(0.1))];
+        assert_eq!(reached(&found), near);
+        let arc = |angle: f64| [0.05, -0.05].map(|along| Motion::BentAndPulled(angle, along));
+        found.extend(arc(15.0).map(|motion| (motion, at(0.2))));
+        assert_eq!(reached(&found)[2..], [(15.0, Some(0.2))], "a quarter of the way to 30°");
+        found.extend(arc(20.0).map(|motion| (motion, at(0.3))));
+        assert_eq!(reached(&found)[2..], [(20.0, Some(0.3))], "half of it");
+        found.extend(arc(30.0).map(|motion| (motion, at(0.4))));
+        assert_eq!(reached(&found)[2..], [(30.0, Some(0.4))], "all of it, not turned in place");
+        found.extend(arc(45.0).map(|motion| (motion, at(0.5))));
+        assert_eq!(reached(&found)[3..], [(45.0, Some(0.5))], "and half of the way to 60°");
+    }
 }
