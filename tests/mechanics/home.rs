@@ -3,12 +3,12 @@
 
 use crate::common::{folder, scene, side_by_side};
 use greenstage::deform::{
-    ControlPose, ControlPoses, Deformer, Kind, LINEAR, MODELS, ModelEntry, PoseLimiter, find_model,
+    ControlPose, ControlPoses, Deformer, Kind, LINEAR, MODELS, ModelEntry, PoseLimiter, Screw, find_model,
 };
 use greenstage::green::{self, GreenFile};
 use greenstage::solve::Silent;
 use greenstage::world::out_of_range_of;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -72,6 +72,8 @@ impl Tracked {
 }
 
 const SEED: u64 = 7;
+/// Middles of the ends.
+const ORIGINS: [Vector3<f64>; 2] = [Vector3::new(-0.455, 0.0, 0.0), Vector3::new(0.455, 0.0, 0.0)];
 
 /// Steele, Lea and Flood's SplitMix.
 struct Random(u64);
@@ -144,26 +146,50 @@ fn calm(random: &mut Random, model: &ModelEntry) -> [ControlPose; 2] {
         true => Isometry3::identity(),
         false => Isometry3::new(random.vector() * 0.2, random.axis() * random.part()),
     };
-    [(-0.455, ControlPose::REST), (0.455, right)].map(|(x, pose)| {
-        let origin = Vector3::new(x, 0.0, 0.0);
-        ControlPose {
-            translation: (whole * Point3::from(origin + pose.translation)).coords - origin,
-            matrix: whole.rotation.to_rotation_matrix() * pose.matrix,
-        }
-    })
+    [(ORIGINS[0], ControlPose::REST), (ORIGINS[1], right)]
+        .map(|(origin, pose)| pose_of(&(whole * in_room(&pose, &origin)), &origin))
 }
 
-/// The shape to which hands lead the body from rest in a second.
-fn from_rest(gentle: &mut Tracked, poses: &[ControlPose; 2]) -> Vec<Vector3<f64>> {
+/// The motion in the room of a control element that is not stretched.
+fn in_room(pose: &ControlPose, origin: &Vector3<f64>) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_matrix(&pose.matrix);
+    Isometry3::from_parts((origin + pose.translation - rotation * origin).into(), rotation)
+}
+
+fn pose_of(motion: &Isometry3<f64>, origin: &Vector3<f64>) -> ControlPose {
+    ControlPose {
+        translation: (motion * Point3::from(*origin)).coords - origin,
+        matrix: *motion.rotation.to_rotation_matrix().matrix(),
+    }
+}
+
+/// `share` of a screw motion: on straight lines, two hands would press a body that they turn as a whole.
+fn part(motion: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
+    let room = Vector3::zeros();
+    let screw = Screw::from_pose(&pose_of(motion, &room));
+    in_room(&Screw::default().towards(&screw, share).pose(), &room)
+}
+
+/// Frames of hands that lead a body from rest, a second each: both hands at once, and both with the body as a whole before the right
+/// one moves its end. They may differ on a body that has several equilibria in these poses.
+fn ways(poses: &[ControlPose; 2]) -> [Vec<[ControlPose; 2]>; 2] {
+    let [left, right] = [0, 1].map(|e| in_room(&poses[e], &ORIGINS[e]));
+    let seen = left.inverse() * right;
+    let both = |motions: [Isometry3<f64>; 2]| [0, 1].map(|e| pose_of(&motions[e], &ORIGINS[e]));
+    let shares = || (0..=SECOND).map(|step| step as f64 / SECOND as f64);
+    let as_a_whole = shares().map(|share| both([part(&left, share); 2]));
+    let then = shares().map(|share| both([left, left * part(&seen, share)]));
+    [
+        shares().map(|share| both([part(&left, share), part(&right, share)])).collect(),
+        as_a_whole.chain(then).collect(),
+    ]
+}
+
+/// The shape to which hands lead the body on this way.
+fn from_rest(gentle: &mut Tracked, way: &[[ControlPose; 2]], poses: &[ControlPose; 2]) -> Vec<Vector3<f64>> {
     gentle.deformer.forget();
     (gentle.limiters, gentle.poses) = (Default::default(), vec![ControlPose::REST; 2]);
-    for step in 0..=SECOND {
-        let share = step as f64 / SECOND as f64;
-        gentle.frame(&poses.map(|pose| {
-            let turn = Rotation3::from_matrix(&pose.matrix).scaled_axis();
-            turned(turn * share, pose.translation * share)
-        }));
-    }
+    way.iter().for_each(|poses| gentle.frame(poses));
     gentle.frame(poses);
     gentle.shape()
 }
@@ -189,8 +215,15 @@ fn play(model: &'static ModelEntry, frames: usize, longest: usize, seed: u64) ->
             body.frame(&trembling);
         }
         body.frame(&poses);
-        let expected = from_rest(&mut gentle, &poses);
-        let apart = body.shape().iter().zip(&expected).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        let shape = body.shape();
+        let apart = ways(&poses).iter().fold(f64::INFINITY, |apart, way| match apart <= HOME {
+            true => apart,
+            false => {
+                let expected = from_rest(&mut gentle, way, &poses);
+                let off = shape.iter().zip(&expected).map(|(a, b)| (a - b).norm());
+                apart.min(off.fold(0.0, f64::max))
+            }
+        });
         let mark = out_of_range_of(&body.deformer);
         assert!(apart.is_finite());
         assert!(
