@@ -127,9 +127,10 @@ const MISSED_BY_MANY: f64 = 1e-3;
 const FEW_FIELDS: usize = 48;
 /// Weight of a small motion beside an equilibrium where pressures are chosen.
 const SMALL_WEIGHT: f64 = 10.0;
-/// Weight of an equilibrium in which a tetrahedron is inside out, where fields and pressures are chosen: with as much as the others have,
-/// what it bends into at a few nodes would take the place of fields that these need.
+/// Weight of equilibria in which a tetrahedron is inside out, where fields and pressures are chosen and more than a tenth of all are so:
+/// with as much as the others have, what these bend into at a few nodes would take the place of fields that the others need.
 const INVERTED_WEIGHT: f64 = 0.1;
+const MANY_INVERTED: f64 = 0.1;
 /// Displacement in parts of the body's length at which what a load does is a small strain.
 const LITTLE: f64 = 1e-5;
 /// Points that a body of the neo-Hookean law watches at most: one for each state.
@@ -258,8 +259,8 @@ fn states(
     let mut u = combined(&solution.fields, &c);
     add(&mut u, 1.0, &combined(&equilibria.fields, &sizes));
     let u = beside(&[&u, &loaded]);
-    let of_equilibria = equilibria.inverted.iter().map(|inverted| weight(*inverted));
-    let weights = of_equilibria.chain(std::iter::repeat_n(SMALL_WEIGHT, u.columns - count));
+    let weights =
+        weights(&equilibria.inverted).into_iter().chain(std::iter::repeat_n(SMALL_WEIGHT, u.columns - count));
     States { weights: weights.collect(), u }
 }
 
@@ -384,17 +385,17 @@ fn enriched(
     equilibria: &Equilibria,
 ) -> NodeFields {
     let k = assembled.k;
-    let weights = equilibria.inverted.iter().map(|inverted| weight(*inverted));
-    let weights = DMatrix::from_diagonal(&DVector::from_iterator(equilibria.inverted.len(), weights));
-    let left = combined(&without(k, &equilibria.fields, main), &weights);
+    let weights = weights(&equilibria.inverted);
+    let by_weight = DMatrix::from_diagonal(&DVector::from_column_slice(&weights));
+    let left = combined(&without(k, &equilibria.fields, main), &by_weight);
     let found = principal(k, &left, most_fields(solution.controls.len()) - main.columns);
     let shares = products(k, &found, &left);
     let mut missed = products(k, &left, &left).diagonal();
     let mut count = 0;
     let allowed = |count: usize| if main.columns + count < FEW_FIELDS { MISSED } else { MISSED_BY_MANY };
     let worst = |missed: &DVector<f64>| {
-        let sound = missed.iter().zip(&equilibria.inverted).filter(|(_, inverted)| !**inverted);
-        sound.map(|(missed, _)| *missed).fold(f64::EPSILON, f64::max)
+        let asked = missed.iter().zip(&weights).filter(|(_, weight)| **weight >= 1.0);
+        asked.map(|(missed, _)| *missed).fold(f64::EPSILON, f64::max)
     };
     while count < found.columns && worst(&missed) > allowed(count) {
         missed -= shares.row(count).map(|share| share * share).transpose();
@@ -406,7 +407,7 @@ fn enriched(
         "{} fields miss at most {:.1e} of the energy of {} equilibria, bent, twisted and pressed",
         basis.columns,
         worst(&missed),
-        equilibria.inverted.iter().filter(|inverted| !**inverted).count()
+        weights.iter().filter(|weight| **weight >= 1.0).count()
     );
     if whole < paths {
         message += &format!("; {} of {paths} ways there have none at 90° or at their end", paths - whole);
@@ -415,8 +416,11 @@ fn enriched(
     basis
 }
 
-fn weight(is_inverted: bool) -> f64 {
-    if is_inverted { INVERTED_WEIGHT } else { 1.0 }
+/// Weights of equilibria, by whether a tetrahedron is inside out there.
+fn weights(inverted: &[bool]) -> Vec<f64> {
+    let count = inverted.iter().filter(|inverted| **inverted).count();
+    let are_many = count as f64 > MANY_INVERTED * inverted.len() as f64;
+    inverted.iter().map(|inverted| if *inverted && are_many { INVERTED_WEIGHT } else { 1.0 }).collect()
 }
 
 /// Φ with what loads do: at rest, and in second order beside motions. Then that at rest, a column for each.
@@ -592,4 +596,17 @@ fn groups<'a>(file: &'a GreenFile, body: &str) -> Vec<ColumnGroup<'a>> {
     // One element alone has no such columns.
     let group = columns::group(file, body, &names());
     if group.numbers() == 0 { Vec::new() } else { vec![group] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_inside_out_count_less_where_they_are_many() {
+        let [few, many] = [1, 2].map(|count| (0..10).map(|state| state < count).collect::<Vec<_>>());
+        assert_eq!(weights(&few), [1.0; 10]);
+        let counted = weights(&many);
+        assert_eq!((&counted[..2], &counted[2..]), (&[INVERTED_WEIGHT; 2][..], &[1.0; 8][..]));
+    }
 }
