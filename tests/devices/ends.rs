@@ -360,8 +360,10 @@ fn a_view_whose_x_server_ends_leaves_no_force() {
         // It takes the right end after a second, and moves to and fro for as long as it is served: on a busy machine the view may draw
         // its first picture later.
         let device = Played::new("vrpn", |stream, told| {
-            let way = |t: f64| 1e-6 + 0.015 * (1.0 - (std::f64::consts::PI * (t - 1.0)).cos());
-            serve_vrpn(stream, told, |t| if t < 1.0 { 0.0 } else { way(t) });
+            serve_vrpn(stream, told, |t| match t < 1.0 {
+                true => 0.0,
+                false => 1e-6 + 0.015 * (1.0 - (std::f64::consts::PI * (t - 1.0)).cos()),
+            });
         });
         let place = folder("ends-view");
         let desktop = greenstage::stage::BUILT_IN.iter().find(|(name, _)| *name == "desktop").unwrap().1;
