@@ -291,9 +291,11 @@ impl Measured {
         let mut tried: Vec<Motion> = Vec::new();
         for level in &LEVELS {
             let mut reached = 0.0;
-            for (angle, motions) in shifts(&LEVELS, level) {
+            for (choice, (angle, motions)) in shifts(&LEVELS, level).into_iter().enumerate() {
                 let new: Vec<Motion> =
                     motions.iter().copied().filter(|motion| !tried.contains(motion)).collect();
+                // Only the level's own are foreseen.
+                let progress = if choice == 0 { progress } else { &Silent };
                 self.go(moved, std::slice::from_ref(&new), progress, left_out, found)?;
                 tried.extend(new);
                 if self.is_known(found, &motions) {
