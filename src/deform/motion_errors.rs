@@ -147,9 +147,9 @@ impl TurnErrors {
     /// turn by that angle must stretch the body as much, as one between two directions may more than either.
     fn within(&self, direction: Direction, reach: Reach, begin: Option<&ErrorsAt>) -> Option<ErrorsAt> {
         let goes_as_far = |at: &&ErrorsAt| {
-            let others = self.about.iter().flat_map(|of| &of.at).filter(|other| other.angle <= at.angle);
+            let mut others = self.about.iter().flat_map(|of| &of.at);
             reach.arc <= ROUNDING * at.angle.to_radians()
-                && others.into_iter().any(|at| reach.stretch <= at.stretch)
+                && others.any(|other| other.angle <= at.angle && reach.stretch <= other.stretch)
         };
         let measured = self.of(direction);
         let at = measured.iter().find(goes_as_far)?;
@@ -244,6 +244,7 @@ mod tests {
         assert_eq!(force(&differ, 20.0, Some([0.0, 0.3, 1.0])), None, "the nearest is not known");
         assert_eq!(force(&differ, 20.0, Some([0.0, 0.6, 1.0])), Some(0.9), "the other direction is nearer");
     }
+
     fn at(angle: f64, [stretch, off]: [f64; 2], force: f64) -> ErrorsAt {
         let turn = angle.to_radians();
         ErrorsAt { angle, turn, stretch, off, force: Some(force), torque: Some(force), shape: 0.0 }
