@@ -98,18 +98,18 @@ fn turns(levels: &[Level], about: Direction) -> Vec<Vec<Motion>> {
 const NEARER: [f64; 2] = [0.5, 0.25];
 
 /// Turns nearer than a level, the farthest first, °: the first that has an equilibrium takes its place.
-fn nearer(levels: &[Level], angle: f64) -> impl Iterator<Item = f64> {
-    let at = levels.iter().position(|level| level.angle == angle);
-    let before = at.and_then(|at| at.checked_sub(1)).map(|before| levels[before].angle);
+fn nearer(angle: f64) -> impl Iterator<Item = f64> {
+    let at = LEVELS.iter().position(|level| level.angle == angle);
+    let before = at.and_then(|at| at.checked_sub(1)).map(|before| LEVELS[before].angle);
     before.into_iter().flat_map(move |before| NEARER.map(|part| before + part * (angle - before)))
 }
 
 /// The shifts of a level, and those that take their place where one of them has no equilibrium: along the arc alone, as far as the level
 /// turns, and nearer.
-fn shifts(levels: &[Level], level: &Level) -> Vec<(f64, Vec<Motion>)> {
+fn shifts(level: &Level) -> Vec<(f64, Vec<Motion>)> {
     let own = (level.angle, level.shifts.to_vec());
     let is_small = level.angle < LEVELS[1].angle;
-    let instead = [level.angle].into_iter().chain(nearer(levels, level.angle)).filter(|_| !is_small);
+    let instead = [level.angle].into_iter().chain(nearer(level.angle)).filter(|_| !is_small);
     let along_the_arc =
         |angle: f64| (angle, [STRAIN, -STRAIN].map(|along| Motion::BentAndPulled(angle, along)).to_vec());
     [own].into_iter().chain(instead.map(along_the_arc)).collect()
@@ -270,7 +270,7 @@ impl Measured {
         let Some(lost) = levels.iter().find(|level| !self.is_known(found, &[level.turn(about)])) else {
             return Ok(());
         };
-        for angle in nearer(levels, lost.angle) {
+        for angle in nearer(lost.angle) {
             let motions = [turn(about, angle)];
             self.go(moved, &[motions.to_vec()], &Silent, left_out, found)?;
             if self.is_known(found, &motions) {
@@ -291,7 +291,7 @@ impl Measured {
         let mut tried: Vec<Motion> = Vec::new();
         for level in &LEVELS {
             let mut reached = 0.0;
-            for (choice, (angle, motions)) in shifts(&LEVELS, level).into_iter().enumerate() {
+            for (choice, (angle, motions)) in shifts(level).into_iter().enumerate() {
                 let new: Vec<Motion> =
                     motions.iter().copied().filter(|motion| !tried.contains(motion)).collect();
                 // Only the level's own are foreseen.
@@ -441,7 +441,7 @@ fn motion_errors(
     let all_found = |(_, motions): &(f64, Vec<Motion>)| motions.iter().all(is_found);
     let mut reached: Vec<(f64, Vec<Motion>)> = Vec::new();
     for level in levels {
-        reached.extend(shifts(levels, level).into_iter().find(all_found));
+        reached.extend(shifts(level).into_iter().find(all_found));
         if reached.last().is_none_or(|(angle, _)| *angle < level.angle) {
             break;
         }
@@ -463,7 +463,7 @@ fn of_direction(
     let whole = levels.iter().map(|level| level.angle).take_while(|angle| is_found(about, *angle));
     let mut angles: Vec<f64> = whole.collect();
     let next = levels.get(angles.len()).map_or(0.0, |next| next.angle);
-    angles.extend(nearer(levels, next).find(|angle| is_found(about, *angle)));
+    angles.extend(nearer(next).find(|angle| is_found(about, *angle)));
     let motions = |angle: f64| {
         let beside = beside.iter().copied().filter(|beside| is_found(*beside, angle));
         [about].into_iter().chain(beside).map(|about| turn(about, angle)).collect()
@@ -674,5 +674,9 @@ mod tests {
         assert_eq!(reached(&found)[2..], [(30.0, Some(0.4))], "all of it, not turned in place");
         found.extend(arc(45.0).map(|motion| (motion, at(0.5))));
         assert_eq!(reached(&found)[3..], [(45.0, Some(0.5))], "and half of the way to 60°");
+        let finer = arc(5.5).map(|motion| (motion, at(0.1)));
+        let shifted = motion_errors(&finer, &LEVELS[1..], &PULLS, false).shifted;
+        assert_eq!(shifted.len(), 1, "of a finer mesh, half of the way from 1° to 10°");
+        assert_eq!((shifted[0].angle, shifted[0].force), (5.5, Some(0.1)));
     }
 }
