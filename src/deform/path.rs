@@ -4,7 +4,8 @@
 //! In: the poses of every frame, and whether the model had an equilibrium there. A path is lost where the model had none, where
 //! control elements were turned by more than half a turn against each other, for which no model is made, and where one jumped from
 //! one frame to the next. Out: once the hands hold still, the equilibrium that the model finds on a way from rest, one part of it a
-//! frame, so that no frame takes longer than those of a moving hand.
+//! frame, so that no frame takes longer than those of a moving hand. There it goes a second way from rest beside what is shown: where
+//! that leads to other forces, the body has several equilibria in these poses, and is marked.
 //!
 //! Turns that the hands have made stay: a body that they wound is not unwound. A jump by more than [`KNOWN`] may have gone either way
 //! round; so many turns as there were jumps are taken for none.
@@ -39,6 +40,10 @@ pub struct BodyPath {
     pub(super) there: Option<Box<ModelMemory>>,
     /// Whether that way led to no equilibrium: it is not gone again to these poses.
     pub(super) is_vain: bool,
+    /// Whether it came home, and the second way has yet to be gone.
+    pub(super) is_home: bool,
+    /// Whether the second way led to another equilibrium.
+    pub(super) has_others: bool,
 }
 
 /// A reason not to trust the state of a body, whatever its model's accuracy.
@@ -50,6 +55,8 @@ pub enum Doubt {
     Inverted,
     /// The state may be another one than hands reach from rest.
     PathLost,
+    /// Two ways from rest lead to two equilibria, one of which is shown.
+    Several,
 }
 
 impl Doubt {
@@ -58,6 +65,7 @@ impl Doubt {
             Doubt::NoEquilibrium => "no equilibrium",
             Doubt::Inverted => "inside out",
             Doubt::PathLost => "path lost",
+            Doubt::Several => "several equilibria",
         }
     }
 
@@ -66,6 +74,7 @@ impl Doubt {
             Doubt::NoEquilibrium => "these poses have no equilibrium; an earlier one is shown",
             Doubt::Inverted => "parts of it are turned inside out",
             Doubt::PathLost => "it may be in another state than from rest; hold still, and it goes back",
+            Doubt::Several => "these poses have several equilibria; hands that go another way reach another",
         }
     }
 }
@@ -85,12 +94,20 @@ impl BodyPath {
         if self.still.len() != now.len() || self.still.iter().zip(now).any(moves) {
             self.still.clear();
             self.still.extend_from_slice(now);
-            (self.frames, self.parts, self.there, self.is_vain) = (0, 0, None, false);
+            (self.frames, self.parts, self.there) = (0, 0, None);
+            // From one of several equilibria hands may come to states that they do not reach from rest.
+            self.is_lost |= std::mem::take(&mut self.has_others);
+            (self.is_vain, self.is_home) = (false, false);
         }
     }
 
+    /// Whether a way from rest is to be gone once the hands hold still.
+    pub(super) fn is_open(&self) -> bool {
+        (self.is_lost && !self.is_vain) || self.is_home
+    }
+
     pub(super) fn is_due(&self) -> bool {
-        self.is_lost && !self.is_vain && self.frames > CALM
+        self.is_open() && self.frames > CALM
     }
 }
 

@@ -1,11 +1,11 @@
-//! The way home of a body whose [`BodyPath`] was lost, a part of it a frame.
+//! The way home of a body whose [`BodyPath`] was lost, a part of it a frame, and the second way that tells whether there are others.
 
 use super::Deformer;
-use crate::deform::model::StateAge;
+use crate::deform::model::{BodyState, StateAge};
 use crate::deform::path::{BodyPath, Doubt, PARTS};
 use crate::deform::pose::follow::FollowedTurn;
-use crate::deform::pose::frame::{ControlPose, same_side};
-use crate::deform::pose::screw::from_rest;
+use crate::deform::pose::frame::{ControlPose, PoseSlope, same_side};
+use crate::deform::pose::screw::{each_from_rest, from_rest};
 use crate::fem::nearest_turn;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 impl Deformer {
     /// Counts a frame; true where [`Deformer::take`] has to be called though no pose changed, to bring the body home.
     pub fn pass_frame(&mut self) -> bool {
-        if !self.has_path || !self.path.is_lost {
+        if !self.has_path || !self.path.is_open() {
             return false;
         }
         self.path.frames = self.path.frames.saturating_add(1);
@@ -28,7 +28,9 @@ impl Deformer {
         } else if self.model.is_inverted() {
             Some(Doubt::Inverted)
         } else {
-            (self.has_path && self.path.is_lost && self.path.frames > 0).then_some(Doubt::PathLost)
+            let is_lost = self.path.is_lost && self.path.frames > 0;
+            let lost = is_lost.then_some(Doubt::PathLost);
+            lost.or(self.path.has_others.then_some(Doubt::Several)).filter(|_| self.has_path)
         }
     }
 
@@ -67,8 +69,10 @@ impl Deformer {
             return;
         }
         let turns = shortest(&self.poses);
-        let is_found = match self.model.age() {
-            None => self.go_a_part(&turns),
+        let age = self.model.age();
+        let is_found = match age {
+            None if self.path.is_home => return self.go_beside(&turns),
+            None => self.go_in_parts(&turns),
             Some(age) => self.follow_behind(age, &turns),
         };
         match is_found {
@@ -78,43 +82,83 @@ impl Deformer {
                 self.turns = turns.into_iter().map(FollowedTurn::new).collect();
                 // The way from rest leads to a state inside out: no other is looked for.
                 let is_inverted = self.model.is_inverted();
-                let still = std::mem::take(&mut self.path.still);
-                self.path =
-                    BodyPath { still, is_lost: is_inverted, is_vain: is_inverted, ..BodyPath::default() };
+                self.path = BodyPath {
+                    still: std::mem::take(&mut self.path.still),
+                    frames: self.path.frames,
+                    is_lost: is_inverted,
+                    is_vain: is_inverted,
+                    is_home: !is_inverted && age.is_none(),
+                    ..BodyPath::default()
+                };
                 self.homecomings += 1;
             }
         }
     }
 
-    /// Goes a part of the way from rest, beside the state that is shown; whether there is an equilibrium at its end, once it is
-    /// reached. The model is then in it, and otherwise as it was.
-    fn go_a_part(&mut self, turns: &[UnitQuaternion<f64>]) -> Option<bool> {
+    /// Goes a part of the way home; whether there is an equilibrium at its end, once it is reached. The model is then in it, and otherwise as
+    /// it was.
+    fn go_in_parts(&mut self, turns: &[UnitQuaternion<f64>]) -> Option<bool> {
         let kept = self.model.memory();
-        match self.path.there.take() {
-            Some(there) => self.model.set_memory(&there).ok()?,
-            None => {
-                self.leave_for_rest(&turns.first().map_or_else(Vec::new, |first| vec![*first; turns.len()]))
+        let end = self.go_a_part(turns);
+        match end {
+            Some(state) if !state.rotation_undefined => {
+                self.state = state;
+                Some(true)
             }
+            _ => {
+                // A model takes back its own memory.
+                self.model.set_memory(&kept).ok()?;
+                end.map(|_| false)
+            }
+        }
+    }
+
+    /// Goes a part of the second way; at its end the forces there tell whether it is another equilibrium. The model is as it was.
+    fn go_beside(&mut self, turns: &[UnitQuaternion<f64>]) {
+        let kept = self.model.memory();
+        let end = self.go_a_part(turns);
+        let there = end.as_ref().and_then(|_| self.forces_of_model());
+        // A model takes back its own memory.
+        let is_back = self.model.set_memory(&kept).is_ok();
+        if end.is_some() || !is_back {
+            let here = self.forces_of_model();
+            let size = self.size();
+            (self.path.is_home, self.path.parts) = (false, 0);
+            self.path.has_others = here.zip(there).is_some_and(|(here, there)| differ(&here, &there, size));
+        }
+    }
+
+    /// Goes a part of a way from rest; the state at its end, once it is reached. The model stays there.
+    fn go_a_part(&mut self, turns: &[UnitQuaternion<f64>]) -> Option<BodyState> {
+        let is_second = self.path.is_home;
+        match (self.path.there.take(), turns.first()) {
+            (Some(there), _) => self.model.set_memory(&there).ok()?,
+            (None, Some(first)) if !is_second => self.leave_for_rest(&vec![*first; turns.len()]),
+            _ => self.leave_for_rest(&[]),
         }
         self.path.parts += 1;
-        let is_end = self.path.parts >= PARTS;
-        let poses = match is_end {
-            true => self.poses.clone(),
-            false => {
-                let origins: Vec<Vector3<f64>> = self.controls.iter().map(|control| control.origin).collect();
-                from_rest(&origins, &self.poses, turns, f64::from(self.path.parts) / f64::from(PARTS))
-            }
+        let share = f64::from(self.path.parts) / f64::from(PARTS);
+        let poses = if self.path.parts >= PARTS {
+            self.poses.clone()
+        } else if is_second {
+            each_from_rest(&self.poses, turns, share)
+        } else {
+            let origins: Vec<Vector3<f64>> = self.controls.iter().map(|control| control.origin).collect();
+            from_rest(&origins, &self.poses, turns, share)
         };
         let state = self.model.state(&poses);
-        let is_found = is_end.then_some(!state.rotation_undefined);
-        if is_found == Some(true) {
-            self.state = state;
-        } else {
-            self.path.there = (!is_end).then(|| Box::new(self.model.memory()));
-            // A model takes back its own memory.
-            self.model.set_memory(&kept).ok()?;
+        if self.path.parts >= PARTS {
+            return Some(state);
         }
-        is_found
+        self.path.there = Some(Box::new(self.model.memory()));
+        None
+    }
+
+    /// V and ∂V/∂P of the model's own, where it has an equilibrium in the poses of now.
+    fn forces_of_model(&mut self) -> Option<(f64, Vec<PoseSlope>)> {
+        let mut slopes = self.slopes.clone();
+        let response = self.model.respond(&self.poses, &mut slopes)?;
+        response.is_defined.then_some((response.energy, slopes))
     }
 
     /// Lets a model that computes in the background go from rest.
@@ -139,6 +183,22 @@ impl Deformer {
         self.model.forget();
         turns.iter().enumerate().for_each(|(e, turn)| self.model.set_turn(e, *turn));
     }
+}
+
+/// Least difference of the forces of two equilibria, in parts of the largest; and least motion against rest, by V over force and size, of a
+/// body that has several: below it forces are rounding errors.
+const OTHER: f64 = 0.01;
+const MOVED: f64 = 1e-5;
+
+/// Whether V and ∂V/∂P are not those of one equilibrium of a body of this size, m.
+fn differ(here: &(f64, Vec<PoseSlope>), there: &(f64, Vec<PoseSlope>), size: f64) -> bool {
+    let norm = |slope: &PoseSlope| slope.translation.norm().max(slope.matrix.norm() / size);
+    let largest = here.1.iter().chain(&there.1).map(norm).fold(0.0, f64::max);
+    let differences = here.1.iter().zip(&there.1).map(|(a, b)| {
+        norm(&PoseSlope { translation: a.translation - b.translation, matrix: a.matrix - b.matrix })
+    });
+    let energy = here.0.abs().max(there.0.abs());
+    differences.fold(0.0, f64::max) > OTHER * largest && energy > MOVED * largest * size
 }
 
 /// The turns of the poses, the first one the shorter of both, the others by less than half a turn against it.

@@ -142,15 +142,24 @@ pub fn from_rest(
             translation: to_first * (arm + pose.translation - first.translation) - arm,
             matrix: to_first * pose.matrix,
         };
-        let apart = base.inverse() * turn;
-        let part = match apart.w < 0.0 {
-            true => part_of(&seen, &apart, share),
-            false => Screw::default().towards(&Screw::from_pose(&seen), share).pose(),
-        };
+        let part = part_by_turn(&seen, &(base.inverse() * turn), share);
         let shift = from_first * (arm + part.translation) - arm;
         ControlPose { translation: first.translation + shift, matrix: from_first * part.matrix }
     };
     poses.iter().zip(turns).zip(arms).map(way).collect()
+}
+
+/// The poses at `share` 0 to 1 of a way from rest on which each control element goes by its own screw motion.
+pub fn each_from_rest(poses: &[ControlPose], turns: &[UnitQuaternion<f64>], share: f64) -> ControlPoses {
+    poses.iter().zip(turns).map(|(pose, turn)| part_by_turn(pose, turn, share)).collect()
+}
+
+/// The pose at `share` of the way from rest: by a screw motion, unless the turn's sign says that it is the longer one.
+fn part_by_turn(pose: &ControlPose, turn: &UnitQuaternion<f64>, share: f64) -> ControlPose {
+    match turn.w < 0.0 {
+        true => part_of(pose, turn, share),
+        false => Screw::default().towards(&Screw::from_pose(pose), share).pose(),
+    }
 }
 
 #[cfg(test)]
