@@ -16,6 +16,7 @@ use crate::scene::Scene;
 use crate::solve::{Progress, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
+use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -382,20 +383,22 @@ impl Trial {
         deformer.evaluate(&self.poses);
     }
 
-    /// Median time from poses to the deformed surface with its forces, s, between two poses that are a hundredth of a degree
-    /// apart, of a deformer that has come to the poses.
+    /// Median time from poses to the deformed surface with its forces, s, of a deformer that has come to the poses: the element turns to and
+    /// fro about them by 0.5° a frame, as a hand does that turns by 30° a second at 60 frames.
     pub fn frame_time(&self, deformer: &mut Deformer) -> f64 {
-        const ROUNDS: usize = 21;
-        let mut times = Vec::with_capacity(ROUNDS);
-        for round in 0..ROUNDS {
+        const FRAMES: i32 = 32;
+        const STEP: f64 = PI / 360.0;
+        let times = (0..FRAMES).map(|frame| {
+            // 0 to 4, to -4, and to 0 again.
+            let steps = 4 - ((frame + 4) % 16 - 8).abs();
             let mut near = self.poses.clone();
-            let sway = Rotation3::from_axis_angle(&Vector3::y_axis(), 1e-4 * (round % 2) as f64);
+            let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), STEP * f64::from(steps));
             let matrix = &mut near[self.moved.element].matrix;
-            *matrix = sway.matrix() * *matrix;
+            *matrix = turn.matrix() * *matrix;
             let started = Instant::now();
             deformer.evaluate(&near);
-            times.push(started.elapsed().as_secs_f64());
-        }
+            started.elapsed().as_secs_f64()
+        });
         median(times)
     }
 }
