@@ -18,8 +18,8 @@ const SECOND: usize = 60;
 /// Farthest from the shape from rest, in parts of the body's length.
 const HOME: f64 = 0.01;
 
-/// A bar 10 : 1; of a plate a strip.
-fn file_of(model: &ModelEntry) -> Arc<GreenFile> {
+/// A bar 10 : 1; of a plate a strip. Tests run beside each other: each has a folder of its own.
+fn file_of(model: &ModelEntry, test: &str) -> Arc<GreenFile> {
     let (size, cells, element) = match (model.name, model.kind) {
         ("plate", _) => ("[1.0, 0.02, 0.2]", "[12, 1, 4]", "tet10"),
         (_, Kind::Background(_)) => ("[1.0, 0.1, 0.1]", "[8, 1, 1]", "tet4"),
@@ -32,7 +32,7 @@ fn file_of(model: &ModelEntry) -> Arc<GreenFile> {
          control.right = {{ nodes = {{ box = {{ min = [0.41, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n",
         model.name
     ));
-    let path = folder(&format!("home-{}", model.name)).join("b.green");
+    let path = folder(&format!("{test}-{}", model.name)).join("b.green");
     green::write(&path, &[green::precompute(&scene, "b", &model.with_energy(), &Silent).unwrap()]).unwrap();
     Arc::new(GreenFile::open(&path).unwrap())
 }
@@ -199,7 +199,7 @@ fn distance(one: &[Vector3<f64>], other: &[Vector3<f64>]) -> f64 {
 
 /// Plays hostile trackers for about so many frames; returns how often the body was home afterwards, and how often it was marked.
 fn play(model: &'static ModelEntry, frames: usize, longest: usize, seed: u64) -> [usize; 2] {
-    let file = file_of(model);
+    let file = file_of(model, "home");
     let mut random = Random(seed);
     let [mut body, mut gentle] = [(); 2].map(|()| Tracked::new(self::body(&file, model)));
     let [mut home, mut marked] = [0; 2];
@@ -264,7 +264,7 @@ fn bodies_come_home_from_hostile_trackers() {
 #[test]
 fn a_body_says_that_it_has_several_equilibria() {
     let model = find_model("plate").unwrap();
-    let file = file_of(model);
+    let file = file_of(model, "several-equilibria");
     let [mut body, mut gentle] = [(); 2].map(|()| Tracked::new(self::body(&file, model)));
     let poses = [
         turned(Vector3::new(-0.0657, 0.7311, 0.4601), Vector3::new(0.1461, -0.2490, 0.2936)),
