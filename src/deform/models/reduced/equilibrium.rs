@@ -15,6 +15,9 @@ use crate::solve::minimise::{Energy, Step, minimise};
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
 const LAST: f64 = 1e-12;
+/// So is one that promises less than the first of these parts of V and changes the squares of the forces by less than the second: forces by a
+/// 10⁻⁴, of which a tenth is left where the second derivatives are old.
+const NEARLY_LAST: [f64; 2] = [1e-9, 1e-8];
 /// A step with old second derivatives that leaves more than this part of the promised decrease is the last such one.
 const SERVES: f64 = 0.01;
 const MOST_STEPS: usize = 60;
@@ -53,6 +56,8 @@ pub struct ReducedBody {
     /// dq/dz row by row, as many columns as `active`, those of q being unused.
     tangent: Vec<f64>,
     cross: Vec<f64>,
+    /// ½ ∂²V/∂z_k² at rest.
+    stiffness: Vec<f64>,
     /// Number of variables of z with which the factor and the tangent were made, 0 where there are none.
     active: usize,
     step: Vec<f64>,
@@ -77,10 +82,12 @@ impl ReducedBody {
         let n = 1 + rigid + fields + others;
         let mut z = vec![0.0; n];
         z[0] = 1.0;
-        let stiffest = (1..n).map(|k| energy.stiffness(k)).fold(0.0, f64::max);
+        let stiffness: Vec<f64> = (0..n).map(|k| if k == 0 { 0.0 } else { energy.stiffness(k) }).collect();
+        let stiffest = stiffness.iter().copied().fold(0.0, f64::max);
         let factor = Envelope::square(fields);
         ReducedBody {
             nothing: NOTHING * NOTHING * stiffest,
+            stiffness,
             energy,
             rigid,
             fields,
@@ -354,6 +361,22 @@ impl ReducedBody {
         value - 0.5 * promised
     }
 
+    /// What the step changes of the slopes by y, as a part of them: squares over the stiffness at rest, J, so that forces and moments count
+    /// alike.
+    fn part_of_forces(&self, n: usize) -> f64 {
+        let (q, fields) = (1 + self.rigid, self.fields);
+        let mut largest = [0.0, 0.0];
+        for at in (1..n).filter(|at| !(q..q + fields).contains(at) && self.stiffness[*at] > 0.0) {
+            let change: f64 =
+                self.step.iter().enumerate().map(|(i, step)| self.cross[i * n + at] * step).sum();
+            for (largest, slope) in largest.iter_mut().zip([change, self.slopes[at]]) {
+                *largest = f64::max(*largest, slope * slope / self.stiffness[at]);
+            }
+        }
+        let [change, force] = largest;
+        if force > 0.0 { change / force } else { f64::INFINITY }
+    }
+
     /// Newton's step from the slopes, and twice the decrease of V that it promises.
     fn direction(&mut self) -> f64 {
         let own = &self.slopes[1 + self.rigid..][..self.fields];
@@ -474,7 +497,12 @@ impl Energy for Search<'_, '_> {
 
     fn find_step(&mut self, _energy: f64) -> Step {
         self.last = self.promised;
-        Step { gain: self.promised, is_last: self.promised <= LAST * self.at.1.max(self.body.nothing) }
+        let energy = self.at.1.max(self.body.nothing);
+        let [nearly, of_forces] = NEARLY_LAST;
+        let is_nearly = !self.is_shifted && self.promised <= nearly * energy;
+        let is_last = self.promised <= LAST * energy
+            || (is_nearly && self.body.part_of_forces(self.active) <= of_forces);
+        Step { gain: self.promised, is_last }
     }
 
     fn trial(&mut self, share: f64) -> Option<f64> {
