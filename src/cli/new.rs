@@ -2,12 +2,15 @@
 
 use super::opening::{self, Guess, SCENE};
 use super::print::print;
+use crate::base::diagnostic::Severity;
 use crate::base::failure::Failure;
 use crate::base::output;
 use crate::base::output::Kind;
 use crate::base::text::quoted;
 use crate::deform::find_model;
 use crate::effect::{EffectEntry, find_effect};
+use crate::green;
+use crate::mesh::LoadedMesh;
 use crate::mesh::formats::files_of;
 use crate::scene::proposal::pull::{self, length, poses_path};
 use crate::scene::proposal::{Proposal, Wishes};
@@ -114,6 +117,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         ..args.guess.wishes()
     };
     let mut proposal = opening::propose(&args.mesh, &path, wishes)?;
+    refuse_unsuited(&mut proposal, args)?;
     if is_touched || is_cut {
         let stage = open::stage(&proposal.scene, None)?;
         proposal.add_tools(is_cut, is_touched, 2.0 * stage.workspace.radius_m);
@@ -126,6 +130,25 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     output::put_all(staged, &[])?;
     print(&told(&proposal, &path, args.pull))
+}
+
+/// Refuses a model that was asked for and cannot show this body; a body that it shows badly is told so.
+fn refuse_unsuited(proposal: &mut Proposal, args: &Args) -> Result<(), Failure> {
+    let asked = args.model.as_ref().and_then(|name| find_model(name).ok());
+    let Some(fits) = asked.and_then(|model| model.fits) else { return Ok(()) };
+    let loaded = LoadedMesh { mesh: proposal.mesh.clone(), notices: Vec::new() };
+    let prepared = green::prepare_mesh(&proposal.scene, &proposal.body, loaded)?;
+    match fits(&prepared) {
+        Err((Severity::Error, why)) => Err(Failure::wrong(format!(
+            "{}: {why}; without --model, `greenstage new` takes one that suits",
+            args.mesh.display()
+        ))),
+        Err((_, why)) => {
+            proposal.warnings.push(why);
+            Ok(())
+        }
+        Ok(()) => Ok(()),
+    }
 }
 
 /// The name of a model.
@@ -188,6 +211,25 @@ mod tests {
     fn the_effects_that_a_pull_lists_are_there() {
         for name in FORCES.into_iter().chain([ERRORS]) {
             assert_eq!(effect(name).as_deref(), Ok(name));
+        }
+    }
+
+    /// A scene that `precompute` would refuse is not written.
+    #[test]
+    fn a_model_that_does_not_suit_the_body_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for (thickness, is_plate) in [(0.1, false), (0.005, true)] {
+            let mesh = folder.path().join(format!("{thickness}.msh"));
+            let size = [0.3, 0.2, thickness];
+            save(&mesh, &block(&Block { size, cells: [6, 4, 1] }).unwrap(), None).unwrap();
+            let line = Line::parse_from(["new", mesh.to_str().unwrap(), "--model", "plate"]);
+            let found = run(&line.args);
+            assert_eq!(found.is_ok(), is_plate, "{found:?}");
+            assert_eq!(mesh.with_extension("toml").exists(), is_plate);
+            if let Err(why) = found {
+                let why = why.to_string();
+                assert!(why.contains("m thick") && why.contains("without --model"), "{why}");
+            }
         }
     }
 
