@@ -32,7 +32,7 @@ const MOST_CORNERS: usize = 15_000;
 /// it has fields of equilibria, of which it takes [`REDUCED_S`] for a node to precompute.
 const MOST_REDUCED: usize = 60_000;
 const WITH_EQUILIBRIA: usize = 33_000;
-const REDUCED_S: f64 = 6e-3;
+const REDUCED_S: f64 = 2e-2;
 /// Unknowns of a mesh with nodes on its edges, for each corner.
 const UNKNOWNS: usize = 21;
 /// Most unknowns of the better body that errors are measured by, which is solved in a minute or two.
@@ -48,15 +48,16 @@ pub const ERRORS: &str = "expected_errors";
 pub fn of_two_ends(mesh: &TetMesh, nodes: usize) -> Option<(&'static str, String)> {
     let slenderness = ends::slenderness(mesh);
     let seconds = (REDUCED_S * nodes as f64).max(1.0);
+    let time = |s: f64| if s < 100.0 { format!("{s:.0} s") } else { format!("{:.0} min", s / 60.0) };
     if slenderness >= ROD {
         let reach = "any angle and several turns, forces within 5 % where its walls keep their shape";
         Some(("rod", format!("{reach}; the body is {slenderness:.0} radii of gyration long")))
     } else if nodes <= WITH_EQUILIBRIA && slenderness < COMPACT {
         let reach = "bends and twists to 90° by the neo-Hookean law; `precompute` measures how far its forces hold on this body";
-        Some(("reduced_neo_hookean", format!("{reach}; about {:.0} s more to precompute", 5.0 + seconds)))
+        Some(("reduced_neo_hookean", format!("{reach}; about {} more to precompute", time(5.0 + seconds))))
     } else if nodes <= WITH_EQUILIBRIA {
         let reach = "bends and twists to 90°; `precompute` measures how far its forces hold on this body";
-        Some(("reduced", format!("{reach}; about {seconds:.0} s more to precompute")))
+        Some(("reduced", format!("{reach}; about {} more to precompute", time(seconds))))
     } else if nodes <= MOST_REDUCED {
         Some(("reduced", "forces to about 60° of bend and twist, minutes to precompute".to_owned()))
     } else {
