@@ -95,10 +95,14 @@ impl BodyPath {
             self.still.clear();
             self.still.extend_from_slice(now);
             (self.frames, self.parts, self.there) = (0, 0, None);
-            // From one of several equilibria hands may come to states that they do not reach from rest.
-            self.is_lost |= std::mem::take(&mut self.has_others);
+            self.forget_others();
             (self.is_vain, self.is_home) = (false, false);
         }
+    }
+
+    /// From one of several equilibria other poses or loads may lead to states that hands do not reach from rest.
+    pub(super) fn forget_others(&mut self) {
+        self.is_lost |= std::mem::take(&mut self.has_others);
     }
 
     /// Whether a way from rest is to be gone once the hands hold still.

@@ -3,8 +3,8 @@
 
 use crate::common::{folder, scene, side_by_side};
 use greenstage::deform::{
-    ControlPose, ControlPoses, Deformer, Doubt, Kind, LINEAR, MODELS, ModelEntry, PoseLimiter, Screw,
-    find_model,
+    AppliedLoads, ControlPose, ControlPoses, Deformer, Doubt, Kind, LINEAR, MODELS, ModelEntry, PointLoad,
+    PoseLimiter, Pull, Screw, find_model,
 };
 use greenstage::green::{self, GreenFile};
 use greenstage::solve::Silent;
@@ -279,6 +279,15 @@ fn a_body_says_that_it_has_several_equilibria() {
         "{apart}, {:?}",
         body.deformer.doubt()
     );
+
+    // Another load is looked into anew.
+    let pull = Pull::Force(Vector3::z() * 1e-3);
+    let points = vec![PointLoad { nodes: [0; 3], weights: [1.0, 0.0, 0.0], pull }];
+    assert!(body.deformer.apply(&AppliedLoads { points, ..AppliedLoads::default() }));
+    body.frame(&poses);
+    assert_eq!(body.deformer.doubt(), Some(Doubt::PathLost));
+    (0..SECOND).for_each(|_| body.frame(&poses));
+    assert_eq!(body.deformer.doubt(), Some(Doubt::Several));
 
     // Near rest there is one alone.
     for share in (0..=SECOND).map(|step| 1.0 - step as f64 / SECOND as f64) {

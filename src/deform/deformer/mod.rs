@@ -227,7 +227,10 @@ impl Deformer {
             self.follow_path();
         }
         changed |= self.path_is_due();
-        changed |= std::mem::take(&mut self.loads_changed);
+        if std::mem::take(&mut self.loads_changed) {
+            self.path.forget_others();
+            changed = true;
+        }
         changed |= std::mem::take(&mut self.contribution_changed);
         if changed || self.model.has_news() {
             changed = true;
