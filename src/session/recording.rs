@@ -18,7 +18,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Take};
 use std::path::{Component, Path, PathBuf};
 
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// A state of more bytes is refused.
 const LARGEST_STATE: usize = 1 << 28;

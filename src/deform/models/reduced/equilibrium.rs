@@ -1,11 +1,12 @@
 //! The q at which a strain energy V(1, y, q) is least for given y.
 //!
 //! In: y. Out: q with ∂V/∂q = 0, by Newton's method from the last q, predicted along the tangent dq/dy. The factored second
-//! derivatives are kept while they serve, so that most steps cost one evaluation of the slopes; the tangent is mended by
-//! what the prediction missed (C. Broyden, Math. Comp. 19, 1965, 577-593). Each step is shortened until V falls (Nocedal and
-//! Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). A q that is stationary but not stable is left along its mode, so
-//! that a slender body that is pressed straight along its axis buckles. Allocates nothing.
+//! derivatives are kept while they serve, mended by the last steps ([`Secants`]), so that most steps cost one evaluation of the
+//! slopes; the tangent is mended by what the prediction missed (C. Broyden, Math. Comp. 19, 1965, 577-593). Each step is shortened
+//! until V falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithms 3.1 and 3.2). A q that is stationary but not stable
+//! is left along its mode, so that a slender body that is pressed straight along its axis buckles. Allocates nothing.
 
+use super::secants::Secants;
 use super::strain_energy::StrainEnergy;
 use crate::deform::loads::LoadedPotential;
 use crate::deform::memory::Unknowns;
@@ -13,13 +14,16 @@ use crate::solve::envelope::Envelope;
 use crate::solve::minimise::{Energy, Step, minimise};
 
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
-/// it leaves is of the order of its square, or a tenth of it where the second derivatives are old.
+/// it leaves is of the order of its square, or a third of it where the second derivatives are old.
 const LAST: f64 = 1e-12;
-/// So is one that promises less than the first of these parts of V and changes the squares of the forces by less than the second, forces by
-/// 10⁻⁵, of which a tenth is left where the second derivatives are old.
+/// So is one that promises less than the first of these parts of V and changes the squares of the forces by less than the second: the
+/// forces by 10⁻⁵, of which a third is left where the second derivatives are old.
 const NEARLY_LAST: [f64; 2] = [1e-9, 1e-10];
 /// A step with old second derivatives that leaves more than this part of the promised decrease is the last such one.
-const SERVES: f64 = 0.01;
+const SERVES: f64 = 0.1;
+/// Second derivatives do not serve where V is more than so many times that with which they were made: a body that is pressed along its
+/// axis has no other sign that it is not stable.
+const GREW: f64 = 2.0;
 const MOST_STEPS: usize = 60;
 /// Least shift of second derivatives that are not positive definite, in parts of the largest on their diagonal.
 const SHIFT: f64 = 1e-4;
@@ -61,6 +65,12 @@ pub struct ReducedBody {
     /// Number of variables of z with which the factor and the tangent were made, 0 where there are none.
     active: usize,
     step: Vec<f64>,
+    /// V, or the numbers that make it up, in the last equilibrium and where the factor was made.
+    magnitude: f64,
+    made_at: f64,
+    /// Secants since the factor was made, and the slopes by q before the step that is tried.
+    secants: Secants,
+    slopes_before: Vec<f64>,
     /// The last z, and the z that is tried.
     before: Vec<f64>,
     trial: Vec<f64>,
@@ -103,6 +113,10 @@ impl ReducedBody {
             cross: vec![0.0; fields * n],
             active: 0,
             step: vec![0.0; fields],
+            magnitude: 0.0,
+            made_at: 0.0,
+            secants: Secants::new(fields),
+            slopes_before: vec![0.0; fields],
             change: vec![0.0; n],
             missed: vec![0.0; fields],
             work: 0,
@@ -138,15 +152,16 @@ impl ReducedBody {
     /// Count of the numbers that [`ReducedBody::keep`] adds.
     pub fn kept(&self) -> usize {
         let made = self.factor.entries().len() + self.tangent.len() + self.cross.len();
-        3 * self.z.len() + self.fields + 1 + made
+        3 * self.z.len() + self.fields + 3 + made + self.secants.kept()
     }
 
     /// Adds the last equilibrium with its slopes, and the factor and the tangent with which the next one is found.
     pub fn keep(&self, unknowns: &mut Vec<f64>) {
         unknowns.extend(self.z.iter().chain(&self.slopes));
-        unknowns.push(self.active as f64);
+        unknowns.extend([self.active as f64, self.magnitude, self.made_at]);
         unknowns.extend(self.factor.entries().iter().chain(&self.tangent).chain(&self.cross));
         unknowns.extend(self.change.iter().chain(&self.missed));
+        self.secants.keep(unknowns);
     }
 
     /// Takes back what [`ReducedBody::keep`] added.
@@ -155,10 +170,12 @@ impl ReducedBody {
         unknowns.fill(&mut self.z);
         unknowns.fill(&mut self.slopes);
         self.active = (unknowns.take::<f64>() as usize).min(self.z.len());
+        (self.magnitude, self.made_at) = (unknowns.take(), unknowns.take());
         self.factor.take_back(|entries| unknowns.fill(entries));
         for numbers in [&mut self.tangent, &mut self.cross, &mut self.change, &mut self.missed] {
             unknowns.fill(numbers);
         }
+        self.secants.take_back(unknowns);
     }
 
     /// Makes the next search begin at q = 0.
@@ -234,6 +251,8 @@ impl ReducedBody {
                 self.cross[i * active..(i + 1) * active].copy_from_slice(&second[(q + i) * n..][..active]);
             }
             self.factor.copy_from(&self.beside);
+            self.secants.clear();
+            self.made_at = self.magnitude;
             self.find_tangent(active);
             self.missed.fill(0.0);
         }
@@ -342,7 +361,8 @@ impl ReducedBody {
         };
         search.at = search.slopes(false);
         let found = minimise(&mut search, MOST_STEPS, &mut 0);
-        let is_shifted = search.is_shifted;
+        let (is_shifted, (_, magnitude)) = (search.is_shifted, search.at);
+        self.magnitude = magnitude;
         if is_shifted {
             self.active = 0;
         }
@@ -361,7 +381,7 @@ impl ReducedBody {
         value - 0.5 * promised
     }
 
-    /// What the step changes of the slopes by y, as a part of them: squares over the stiffness at rest, J, so that forces and moments count
+    /// Change of the slopes by y in the step, as a part of them: squares over the stiffness at rest, J, so that forces and moments count
     /// alike.
     fn part_of_forces(&self, n: usize) -> f64 {
         let (q, fields) = (1 + self.rigid, self.fields);
@@ -381,7 +401,7 @@ impl ReducedBody {
     fn direction(&mut self) -> f64 {
         let own = &self.slopes[1 + self.rigid..][..self.fields];
         self.step.copy_from_slice(own);
-        self.factor.solve(&mut self.step);
+        self.secants.solve(&mut self.step, |step| self.factor.solve(step));
         self.step.iter().zip(own).map(|(step, slope)| step * slope).sum()
     }
 
@@ -458,7 +478,8 @@ impl Energy for Search<'_, '_> {
     }
 
     fn serves(&mut self) -> bool {
-        self.is_new = self.body.active != self.active || self.is_shifted;
+        let has_grown = self.at.1 > GREW * self.body.made_at.max(self.body.nothing);
+        self.is_new = self.body.active != self.active || self.is_shifted || has_grown;
         if !self.is_new {
             self.promised = self.body.direction();
             self.is_new = self.promised > SERVES * self.last;
@@ -475,6 +496,8 @@ impl Energy for Search<'_, '_> {
             body.work += 2;
             body.is_fresh = true;
             body.active = 0;
+            body.made_at = self.at.1;
+            body.secants.clear();
             let second = body.energy.second(&body.z, n, size);
             if let Some(burden) = &self.burden {
                 burden.add_second(n, second);
@@ -497,6 +520,8 @@ impl Energy for Search<'_, '_> {
 
     fn find_step(&mut self, _energy: f64) -> Step {
         self.last = self.promised;
+        let q = 1 + self.body.rigid;
+        self.body.slopes_before.copy_from_slice(&self.body.slopes[q..q + self.body.fields]);
         let energy = self.at.1.max(self.body.nothing);
         let [nearly, of_forces] = NEARLY_LAST;
         let is_nearly = !self.is_shifted && self.promised <= nearly * energy;
@@ -514,7 +539,10 @@ impl Energy for Search<'_, '_> {
     }
 
     fn accept(&mut self) {
-        self.body.z.copy_from_slice(&self.body.trial);
+        let ReducedBody { z, trial, slopes, slopes_before, secants, rigid, .. } = &mut *self.body;
+        let q = 1 + *rigid;
+        secants.add([&trial[q..], &z[q..]], [&slopes[q..], slopes_before]);
+        z.copy_from_slice(trial);
         self.at = self.tried;
     }
 

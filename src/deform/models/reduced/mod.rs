@@ -16,6 +16,7 @@ mod curvature;
 mod equilibrium;
 mod pressures;
 mod quartic;
+mod secants;
 mod strain_energy;
 
 use crate::deform::loads::FrameForces;
