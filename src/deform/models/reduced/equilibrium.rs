@@ -362,7 +362,7 @@ impl ReducedBody {
         search.at = search.slopes(false);
         let found = minimise(&mut search, MOST_STEPS, &mut 0);
         let (is_shifted, (_, magnitude)) = (search.is_shifted, search.at);
-        self.magnitude = magnitude;
+        self.magnitude = if magnitude.is_finite() { magnitude } else { 0.0 };
         if is_shifted {
             self.active = 0;
         }

@@ -44,6 +44,11 @@ impl Secants {
         if dot(own_step, own_change) > least {
             self.next = (self.next + 1) % PAIRS;
             self.count = (self.count + 1).min(PAIRS);
+        } else {
+            // Numbers that are not finite cannot be kept.
+            own_step.fill(0.0);
+            own_change.fill(0.0);
+            self.count = self.count.min(PAIRS - 1);
         }
     }
 
@@ -129,11 +134,20 @@ mod tests {
     #[test]
     fn a_step_along_which_the_energy_is_not_convex_tells_nothing() {
         let mut secants = Secants::new(2);
-        for change in [[-1.0, 0.0], [0.0, 5.0], [f64::NAN, 0.0]] {
+        let add = |secants: &mut Secants, change: [f64; 2]| {
             secants.add([&[1.0, 0.0], &[0.0, 0.0]], [&change, &[0.0, 0.0]]);
-        }
+        };
+        let nothing = [[-1.0, 0.0], [0.0, 5.0], [f64::NAN, 0.0]];
+        nothing.iter().for_each(|change| add(&mut secants, *change));
         let mut x = [1.0, 2.0];
         secants.solve(&mut x, |x| x.reverse());
         assert_eq!(x, [2.0, 1.0]);
+
+        // Nor where it takes the place of the oldest step.
+        (0..PAIRS).for_each(|_| add(&mut secants, [2.0, 0.0]));
+        nothing.iter().for_each(|change| add(&mut secants, *change));
+        let mut x = [2.0, 0.0];
+        secants.solve(&mut x, |x| x.reverse());
+        assert_eq!(x, [1.0, 0.0]);
     }
 }
