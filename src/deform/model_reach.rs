@@ -46,7 +46,7 @@ pub struct ComparedState {
 }
 
 impl ModelReach {
-    /// Compares a body's model with its equilibria; `None` where the file has none.
+    /// Compares a body's model with its equilibria; `None` where the file has none, or no energy of which the model has forces.
     pub fn measure(
         file: &Arc<GreenFile>,
         body: &str,
@@ -54,6 +54,9 @@ impl ModelReach {
     ) -> Result<Option<ModelReach>, String> {
         let Some(table) = file.table(body, EQUILIBRIA) else { return Ok(None) };
         let mut deformer = Deformer::new(file.clone(), body, model)?;
+        if deformer.respond().is_none() {
+            return Ok(None);
+        }
         let known = table.column_iter().filter_map(|column| KnownEquilibrium::read(column.as_slice()));
         let (inverted, sound): (Vec<_>, Vec<_>) = known.partition(|known| known.is_inverted);
         let states: Vec<_> = sound.iter().filter_map(|known| compared(&mut deformer, known)).collect();
