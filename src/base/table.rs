@@ -89,6 +89,16 @@ pub fn seconds(s: f64) -> String {
     }
 }
 
+/// A duration in a suitable unit, without digits that nobody knows.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{:.0} s", s.max(1.0)),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s if s < 2e5 => format!("{:.0} h", s / 3600.0),
+        s => format!("{:.0} days", s / 86400.0),
+    }
+}
+
 /// A number of bytes in the unit that suits it.
 pub fn bytes(count: f64) -> String {
     match count {

@@ -5,7 +5,7 @@ use super::{marks, parsers};
 use crate::base::diagnostic::{is_verbose, notice};
 use crate::base::failure::Failure;
 use crate::base::machine;
-use crate::base::table::{Table, seconds};
+use crate::base::table::{Table, duration, seconds};
 use crate::config::unknown_name;
 use crate::tuning;
 use crate::verify::studies::{STUDIES, Study, forces_of_scenes};
@@ -220,10 +220,7 @@ fn head(bodies: &[&JudgedBody]) -> String {
 
 /// "3 of 12: seed 3, thin, 352 nodes, rotation: report 34/34, planner 2/2, ± 7/8 hold; 42 s; some 6 min left".
 fn body_line(standing: &Standing<'_>, all: usize) -> String {
-    let left = match standing.left {
-        s if s < 90.0 => format!("{s:.0} s"),
-        s => format!("{:.0} min", s / 60.0),
-    };
+    let left = duration(standing.left);
     let of = format!("{} of {all}", standing.done);
     match standing.body {
         Err(why) => format!("{of}: {why}; {left} left"),

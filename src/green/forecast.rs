@@ -11,7 +11,7 @@
 
 use super::control::ControlElement;
 use crate::base::machine;
-use crate::base::table::bytes;
+use crate::base::table::{bytes, duration};
 use crate::bem;
 use crate::mesh::{Surface, TetMesh};
 use crate::solve::{NUMBER, Solver, without_factor};
@@ -203,16 +203,6 @@ pub fn boundary_told(mesh: &TetMesh, controls: &[ControlElement]) -> Result<Stri
         mesh.triangles.len(),
         bytes(need)
     ))
-}
-
-/// A duration in a suitable unit, without digits that nobody knows.
-fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 90.0 => format!("{:.0} s", s.max(1.0)),
-        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
-        s if s < 2e5 => format!("{:.0} h", s / 3600.0),
-        s => format!("{:.0} days", s / 86400.0),
-    }
 }
 
 #[cfg(test)]

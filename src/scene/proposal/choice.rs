@@ -6,6 +6,7 @@ use super::super::Material;
 use super::ends;
 use super::telling::Explanations;
 use super::wishes::Wishes;
+use crate::base::table::duration;
 use crate::fem::{Element, TET4, TET4_ANP, TET10};
 use crate::mesh::{TetMesh, quality};
 
@@ -47,17 +48,19 @@ pub const ERRORS: &str = "expected_errors";
 /// how far it holds, and what it costs.
 pub fn of_two_ends(mesh: &TetMesh, nodes: usize) -> Option<(&'static str, String)> {
     let slenderness = ends::slenderness(mesh);
-    let seconds = (REDUCED_S * nodes as f64).max(1.0);
-    let time = |s: f64| if s < 100.0 { format!("{s:.0} s") } else { format!("{:.0} min", s / 60.0) };
+    let seconds = REDUCED_S * nodes as f64;
     if slenderness >= ROD {
         let reach = "any angle and several turns, forces within 5 % where its walls keep their shape";
         Some(("rod", format!("{reach}; the body is {slenderness:.0} radii of gyration long")))
     } else if nodes <= WITH_EQUILIBRIA && slenderness < COMPACT {
         let reach = "bends and twists to 90° by the neo-Hookean law; `precompute` measures how far its forces hold on this body";
-        Some(("reduced_neo_hookean", format!("{reach}; about {} more to precompute", time(5.0 + seconds))))
+        Some((
+            "reduced_neo_hookean",
+            format!("{reach}; about {} more to precompute", duration(5.0 + seconds)),
+        ))
     } else if nodes <= WITH_EQUILIBRIA {
         let reach = "bends and twists to 90°; `precompute` measures how far its forces hold on this body";
-        Some(("reduced", format!("{reach}; about {} more to precompute", time(seconds))))
+        Some(("reduced", format!("{reach}; about {} more to precompute", duration(seconds))))
     } else if nodes <= MOST_REDUCED {
         Some(("reduced", "forces to about 60° of bend and twist, minutes to precompute".to_owned()))
     } else {
