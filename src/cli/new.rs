@@ -59,8 +59,8 @@ pub struct Args {
     /// blade in the hands); `greenstage manual scene` lists them
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = effect)]
     pub effects: Vec<String>,
-    /// How much force does this take? Takes the element, model and effects that are made for forces, and writes poses that pull
-    /// and push each control element that can be grabbed by so much, such as 5mm, for `greenstage deform`
+    /// Ask how much force this takes: with the element, model and effects that are made for forces, and poses for
+    /// `greenstage deform` that pull and push each control element that can be grabbed by so much, such as 5mm
     #[arg(long, value_name = "LENGTH", value_parser = super::parsers::length)]
     pub pull: Option<f64>,
     /// Stage on which it is shown: a built-in one or a file

@@ -100,7 +100,8 @@ impl BodyPath {
         }
     }
 
-    /// From one of several equilibria other poses or loads may lead to states that hands do not reach from rest.
+    /// Takes the path for lost where there were several equilibria: from one of them other poses or loads may lead to states that hands do
+    /// not reach from rest.
     pub(super) fn forget_others(&mut self) {
         self.is_lost |= std::mem::take(&mut self.has_others);
     }

@@ -16,8 +16,8 @@ use crate::solve::minimise::{Energy, Step, minimise};
 /// A step that promises to lower V by less than this part of it is the last, and is taken without another evaluation: what
 /// it leaves is of the order of its square, or a third of it where the second derivatives are old.
 const LAST: f64 = 1e-12;
-/// So is one that promises less than the first of these parts of V and changes the squares of the forces by less than the second: the
-/// forces by 10⁻⁵, of which a third is left where the second derivatives are old.
+/// A step that promises less than the first of these parts of V, and changes the squares of the forces by less than the second, is the last
+/// too: it changes the forces by 10⁻⁵, of which a third is left where the second derivatives are old.
 const NEARLY_LAST: [f64; 2] = [1e-9, 1e-10];
 /// A step with old second derivatives that leaves more than this part of the promised decrease is the last such one.
 const SERVES: f64 = 0.1;
