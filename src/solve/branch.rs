@@ -17,7 +17,7 @@ use crate::fem::NodeFields;
 use nalgebra::Matrix3;
 
 /// A load step that needs no more factorizations lets the next one be twice as long.
-const EASY: usize = 6;
+const EASY: usize = 3;
 /// Earlier equilibria that are kept.
 const KEPT: usize = 16;
 /// Critical states that one way passes at most.
@@ -92,13 +92,14 @@ impl Newton<'_> {
         let (mut point, mut share, mut step) = (self.start(start), 0.0, longest);
         let mut counts = Counts::default();
         let (mut failed, mut trail, mut passed) = (f64::INFINITY, Vec::new(), Vec::new());
+        let mut tangent = None;
         let advance =
             |from: f64, to: f64| progress.advance((1000.0 * to) as u64 - (1000.0 * from.min(to)) as u64);
         while share < 1.0 {
             // The last steps share what is left, so that none is a sliver.
             let target = if 1.0 - share <= step * (1.0 + 1e-9) { 1.0 } else { share + step };
             let before = counts.factorizations;
-            match self.step(&point, [share, target], path, &mut counts) {
+            match self.step(&point, &mut tangent, [share, target], path, &mut counts) {
                 Ok(found) => {
                     if trail.len() == KEPT {
                         trail.remove(0);
@@ -134,7 +135,7 @@ impl Newton<'_> {
                             passed.push(Passed { share, stability, gradients, is_left });
                             advance(share, to);
                             (point, share, step) = (found, to, longest / 16.0);
-                            (failed, trail) = (f64::INFINITY, Vec::new());
+                            (failed, trail, tangent) = (f64::INFINITY, Vec::new(), None);
                             counts.steps += 1;
                         }
                         (_, stability) => {

@@ -5,7 +5,7 @@
 //! in f64 around it, conjugate gradients preconditioned by multigrid, the paper's solver, and the choice between them; all stand
 //! behind [`LinearSolver`] and measure the true residual of every column afterwards. [`minimise`](minimise()) leads any energy to its
 //! least. [`Newton`] finds static equilibrium at large
-//! strain, with a factor for each of its iterations, and leads on beyond the critical states that [`Stability`] describes; [`Settler`]
+//! strain, with some factors for each load step, and leads on beyond the critical states that [`Stability`] describes; [`Settler`]
 //! keeps a body in equilibrium that moves, with one factor for many steps. [`cone`] finds the forces of contacts with friction.
 
 mod analysis;
@@ -20,10 +20,12 @@ mod dense;
 mod dense_system;
 pub mod envelope;
 mod error;
+mod factored;
 mod faer_cholesky;
 mod fronts;
 mod kept_factor;
 mod llt;
+mod load_step;
 pub mod minimise;
 mod mixed;
 mod modes;

@@ -154,8 +154,9 @@ impl Statics {
             let k = statics.body.tangent(&statics.body.gradients(&rest));
             let a = statics.partition.a(&k);
             let solver = scene.body[name].solver.analyse(&a, progress)?;
-            // Beside the factor a tangent, and its part over the free nodes.
-            let need = solver.memory(&a, 1) + 16.0 * k.scalar_entries() as f64;
+            // Two tangents, each with its part over the free nodes and the factor of that: of the state before a load step, and of the
+            // last one in it.
+            let need = 2.0 * solver.memory(&a, 1) + 32.0 * k.scalar_entries() as f64;
             machine::expect("static equilibrium at large strain", need)
                 .map_err(|source| GreenError::Memory { body: format!("body.{name}"), source })?;
             statics.solver = Some(solver);

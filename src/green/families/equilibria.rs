@@ -50,7 +50,7 @@ const PRESSED_VOLUME: f64 = 0.5;
 /// turn that inside out instead.
 const BUCKLES: f64 = 0.8;
 /// Newton's iteration ends after a step below this part of the largest displacement: of fields for a basis no more is asked.
-const LAST_STEP: f64 = 3e-3;
+const LAST_STEP: f64 = 3e-4;
 /// Unknowns up to which a body is solved so often, with about 300 factorisations.
 pub const MOST_UNKNOWNS: usize = 100_000;
 
