@@ -1,9 +1,9 @@
 //! One load step to the next equilibrium: a prediction along the tangent, and the iterations after it.
 //!
-//! In: the [`Newton`] problem and an equilibrium with the factor of its tangent. Out: the next equilibrium with its own. K d = -f is
-//! solved with the tangent of each state as long as that is needed, then with the last factor, which costs a hundredth; each d is
-//! shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithm 3.2). The tangent must be
-//! positive definite throughout, and at the end: what is found is a stable equilibrium.
+//! In: the [`Newton`] problem and an equilibrium with the factor of its tangent. Out: the next equilibrium with its own. K(u) d = -f(u)
+//! is solved with the tangent of each state until the steps are short, then with the last factor as long as its steps win what they
+//! promise. Each d is shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithm 3.2). Tangents
+//! must be positive definite, that at the end too: what is found is a stable equilibrium.
 
 use super::error::SolveError;
 use super::factored::Factored;

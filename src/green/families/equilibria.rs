@@ -168,10 +168,10 @@ pub fn equilibria(
     let solver = assembled.body.solver.analyse(&a, progress).map_err(failed)?;
     let paths = directions(solution);
     let most = 2 * paths.iter().map(|(_, _, steps)| steps.len()).sum::<usize>();
-    // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of the tangent: K and A.
-    let need =
-        4.0 * 24.0 * (most * solution.mesh.nodes.len()) as f64 + 24.0 * assembled.k.scalar_entries() as f64;
-    machine::expect("the equilibria of the model \"reduced\"", need + solver.memory(&a, 1))
+    // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of two tangents: K, A and factor.
+    let fields = 4.0 * 24.0 * (most * solution.mesh.nodes.len()) as f64;
+    let tangents = 2.0 * (24.0 * assembled.k.scalar_entries() as f64 + solver.memory(&a, 1));
+    machine::expect("the equilibria of the model \"reduced\"", fields + tangents)
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     drop(a);
     let newton = Newton {
