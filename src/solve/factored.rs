@@ -1,4 +1,7 @@
 //! A tangent stiffness with its factor, kept for the states that follow.
+//!
+//! In: K of a state, and the solver. Out: A = L Lᵀ over the free nodes, together with the A that it factorises, and on demand the
+//! [`Tangent`] of K with the border of what is pushed.
 
 use super::error::SolveError;
 use super::pushed::{Border, Tangent};
@@ -7,8 +10,8 @@ use crate::base::progress::Silent;
 use crate::fem::{Partition, StiffnessMatrix};
 
 /// A positive definite tangent stiffness K, and the factor of its part A over the free nodes.
-pub(super) struct Factored<'s> {
-    pub k: StiffnessMatrix,
+pub struct Factored<'s> {
+    pub(super) k: StiffnessMatrix,
     free: FreePart<'s>,
 }
 
@@ -30,7 +33,7 @@ self_cell::self_cell!(
 
 impl<'s> Factored<'s> {
     /// Errors where A is not positive definite.
-    pub fn new(
+    pub(super) fn new(
         k: StiffnessMatrix,
         partition: &Partition,
         solver: &'s dyn LinearSolver,
@@ -40,7 +43,7 @@ impl<'s> Factored<'s> {
     }
 
     /// K with the border of what is pushed.
-    pub fn tangent<'t>(
+    pub(super) fn tangent<'t>(
         &'t self,
         partition: &'t Partition,
         border: &'t Border,

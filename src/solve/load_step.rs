@@ -47,10 +47,16 @@ const SHORT: f64 = 1.0 / 256.0;
 
 impl<'a> Newton<'a> {
     /// The equilibrium with the controlled nodes as `path` writes them, in one load step from the equilibrium `u`; `None` where
-    /// that step fails. Loads are those at the end of the way.
-    pub fn step_to(&self, u: &NodeFields, path: &Path<'_>) -> Result<Option<Equilibrium>, SolveError> {
+    /// that step fails. Loads are those at the end of the way. `tangent` is that of `u`, made where there is none, and then that of the
+    /// equilibrium that is found.
+    pub fn step_to(
+        &self,
+        u: &NodeFields,
+        tangent: &mut Option<Factored<'a>>,
+        path: &Path<'_>,
+    ) -> Result<Option<Equilibrium>, SolveError> {
         let mut counts = Counts::default();
-        match self.step(&self.start(u.clone()), &mut None, [0.0, 1.0], path, &mut counts) {
+        match self.step(&self.start(u.clone()), tangent, [0.0, 1.0], path, &mut counts) {
             Ok(found) => self.judge(found, 1.0, counts).map(Some),
             Err(IterationEnd::Solve(error)) => Err(error),
             Err(IterationEnd::Setback(_)) => Ok(None),
@@ -77,7 +83,7 @@ impl<'a> Newton<'a> {
         let rest = self.body.tangent(&self.body.gradients(&NodeFields::zeros(start.u.nodes, 1)));
         let measure = rest.diagonal.iter().map(|own| own * LEAST_SHIFT).collect();
         let search = Search { measure: Some(measure), ..search };
-        match self.iterate(&search, start, MOST_FACTORS, &mut counts) {
+        match self.iterate(search, start, MOST_FACTORS, &mut counts) {
             Ok((found, _)) => self.judge(found, 1.0, counts).map(Some),
             Err(IterationEnd::Setback(_)) => Ok(None),
             Err(IterationEnd::Solve(error)) => Err(error),
@@ -126,7 +132,7 @@ impl<'a> Newton<'a> {
         }
         let (found, made) = match found {
             Some(found) => found,
-            None => self.iterate(&search, predicted, MOST_FACTORS, counts)?,
+            None => self.iterate(search, predicted, MOST_FACTORS, counts)?,
         };
         *tangent = Some(made);
         Ok(found)
@@ -187,7 +193,7 @@ impl<'a> Newton<'a> {
     /// not be.
     fn iterate(
         &self,
-        search: &Search<'_, 'a>,
+        search: Search<'_, 'a>,
         point: Point,
         most: usize,
         counts: &mut Counts,
@@ -203,7 +209,7 @@ impl<'a> Newton<'a> {
         };
         let mut descent = Descent {
             newton: self,
-            search: search.clone(),
+            search,
             settler,
             counts,
             now: Reached { state: now, q: point.q, work: 0.0 },
@@ -244,12 +250,11 @@ impl<'a> Newton<'a> {
         let own = Matrix3::from_diagonal_element(LEAST_SHIFT_FAR * at_rest);
         let (size, measure) = (largest(&point.u), Some(vec![own; point.u.nodes]));
         let search = Search { share, path, size, measure, before: None };
-        Ok(self.iterate(&search, point, MOST_FACTORS_FAR, counts)?.0)
+        Ok(self.iterate(search, point, MOST_FACTORS_FAR, counts)?.0)
     }
 }
 
 /// A search for an equilibrium at one share of the way.
-#[derive(Clone)]
 pub(super) struct Search<'a, 's> {
     share: f64,
     path: &'a Path<'a>,

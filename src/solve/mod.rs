@@ -51,6 +51,7 @@ pub use auto::AUTO;
 pub use branch::{Followed, NewtonError, Passed};
 pub use dense_system::{DENSE, DenseSystem, Elimination};
 pub use error::{ERROR_LIMITS, SolveError};
+pub use factored::Factored;
 pub use kept_factor::{KeptFactor, LoadedFactor, NUMBER, kept_bytes};
 pub use minimise::{Minimum, Setback, minimise};
 pub use modes::{MODE_RESIDUAL, Modes, lowest_modes};

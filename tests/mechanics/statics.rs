@@ -246,7 +246,7 @@ fn newton_converges_with_few_factors() {
             shown.join(" ")
         );
         assert!(
-            counts.steps == 1 && counts.factorizations <= 5 && residual < 1e-12,
+            counts.steps == 1 && counts.factorizations <= 5 && residual < 1e-14,
             "{}: {counts:?}",
             law.name
         );

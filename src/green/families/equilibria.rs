@@ -239,6 +239,7 @@ impl Walk<'_> {
     /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved.
     fn equilibria_on(&self, path: &Path, steps: &[f64]) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
         let (mut found, mut from, mut before) = (Vec::<(f64, Equilibrium)>::new(), 0.0, 0.0);
+        let mut tangent = None;
         let rest = NodeFields::zeros(self.solution.mesh.nodes.len(), 1);
         for goal in steps {
             let way = goal - before;
@@ -251,12 +252,16 @@ impl Walk<'_> {
                 let is_pressed = volume > 0.0 && volume < PRESSED_VOLUME;
                 let least = if is_pressed { LEAST_STEP_PRESSED } else { LEAST_STEP };
                 let held = |_: f64, u: &mut NodeFields| hold(self.solution, path, share, u);
-                let mut next = self.newton.step_to(u, &held)?.filter(|next| self.is_sound(next));
+                let mut next = self.newton.step_to(u, &mut tangent, &held)?;
+                if next.as_ref().is_some_and(|next| !self.is_sound(next)) {
+                    (next, tangent) = (None, None);
+                }
                 if next.is_none() && 0.5 * step >= least * way {
                     step *= 0.5;
                     continue;
                 }
                 if next.is_none() && share <= 1.0 && volume > BUCKLES {
+                    tangent = None;
                     next = self.aside(path, [from, share], u)?;
                 }
                 let Some(next) = next else { return Ok(found) };
