@@ -440,3 +440,21 @@ fn known_equilibria_balance_and_tell_how_far_the_model_holds() {
         reach.text()
     );
 }
+
+/// A file of the perturbed body keeps equilibria too, but without the stiffness matrix of a linear body its model has no forces that
+/// could be compared with them.
+#[test]
+fn no_reach_is_told_of_a_model_without_forces() {
+    let (scene, model) = (bar(RIGHT), find_model("perturbation").unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bar.green");
+    let reach = |requirements: &Requirements| {
+        let made = green::precompute(&scene, "bar", requirements, &Silent).unwrap();
+        green::write(&path, &[made]).unwrap();
+        let file = Arc::new(GreenFile::open(&path).unwrap());
+        assert!(file.table("bar", EQUILIBRIA).is_some());
+        ModelReach::measure(&file, "bar", model).unwrap()
+    };
+    assert_eq!(reach(&Requirements::new(model.requirements)), None);
+    assert!(reach(&model.with_energy()).is_some_and(|reach| !reach.states.is_empty()));
+}
