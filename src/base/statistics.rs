@@ -18,6 +18,11 @@ pub fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
     sorted.get(at).copied().unwrap_or(0.0)
 }
 
+/// The larger of two numbers, or NaN where one of them is NaN, which `f64::max` would drop.
+pub fn larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
+}
+
 fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);
@@ -36,6 +41,13 @@ mod tests {
         assert_eq!(median([7.0]), 7.0);
         assert_eq!(median([]), 0.0);
         assert_eq!(median([f64::MAX, f64::MAX]), f64::MAX, "no overflow");
+    }
+
+    #[test]
+    fn the_larger_of_a_number_and_nan_is_nan() {
+        assert_eq!((larger(1.0, 2.0), larger(2.0, 1.0)), (2.0, 2.0));
+        assert!([f64::NAN, 1.0, 3.0].into_iter().fold(0.0, larger).is_nan());
+        assert!([1.0, 3.0, f64::NAN].into_iter().fold(0.0, larger).is_nan());
     }
 
     #[test]

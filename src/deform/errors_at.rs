@@ -94,8 +94,8 @@ pub fn percent(part: f64) -> String {
 const LEAST: f64 = 0.01;
 
 /// An error that is nothing at rest, at a share of the way to where it is `e`: not larger than the forces that the model has too
-/// much, which grow as the way does, nor than those that it misses. Of forces f (1 + q) it has f, with q growing so, and misses
-/// q/(1 + q) of them.
+/// much, which grow as the way does, nor than those that it misses. Where the true force is f (1 + q), the model returns f and
+/// misses q/(1 + q); q grows in proportion to the way.
 fn begun(e: f64, share: f64) -> f64 {
     let missing = e.min(1.0 - LEAST);
     let q = share * missing / (1.0 - missing);

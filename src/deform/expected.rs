@@ -234,14 +234,14 @@ impl ExpectedErrors {
         Some([SAFETY * (whole.force? + force), SAFETY * (whole.torque? + torque)])
     }
 
-    /// Errors at the first number that no measurement gives.
+    /// Returns an error that names the first number that no measurement can give.
     pub fn check(&self) -> Result<(), String> {
         let is_error = |x: f64| x.is_finite() && x >= 0.0;
         if let Some(wrong) = self.loaded.iter().flat_map(ErrorsAt::numbers).find(|x| !is_error(*x)) {
-            return Err(format!("under the loads: {wrong} is no error"));
+            return Err(format!("under the loads: error {wrong}; errors must be finite and not negative"));
         }
         if let Some(wrong) = self.loads.iter().find(|load| !load.is_finite()) {
-            return Err(format!("under the loads: {wrong} is no load"));
+            return Err(format!("under the loads: load {wrong}; loads must be finite"));
         }
         for moved in &self.moved {
             let MovedErrors { control, across, hung, mesh, finer, .. } = moved;
@@ -251,7 +251,10 @@ impl ExpectedErrors {
             }
             for at in lists.iter().copied().flatten() {
                 if let Some(wrong) = at.numbers().into_iter().find(|x| !is_error(*x)) {
-                    return Err(format!("{control} at {}°: {wrong} is no error", at.angle));
+                    return Err(format!(
+                        "{control} at {}°: error {wrong}; errors must be finite and not negative",
+                        at.angle
+                    ));
                 }
             }
             let falls = |two: &[ErrorsAt]| {
@@ -260,18 +263,21 @@ impl ExpectedErrors {
             if lists.iter().any(|all| all.windows(2).any(falls)) {
                 return Err(format!("{control}: the measured poses are not in the order of their reach"));
             }
+            let rest = finer.iter().filter_map(|finer| finer.rest.as_ref());
             if let Some(wrong) = mesh
                 .iter()
+                .chain(rest.clone())
                 .flat_map(|mesh| [mesh.wrench, mesh.shape].into_iter().chain(mesh.loads.iter().copied()))
                 .chain(hung.iter().filter_map(|hung| hung.mesh))
                 .find(|x| !is_error(*x))
             {
-                return Err(format!("{control}: {wrong} is no error of the mesh"));
+                return Err(format!(
+                    "{control}: error of the mesh {wrong}; errors must be finite and not negative"
+                ));
             }
             if !across.iter().all(|x| x.is_finite()) {
                 return Err(format!("{control}: {across:?} is no direction"));
             }
-            let rest = finer.iter().filter_map(|finer| finer.rest.as_ref());
             let stiffness = mesh.iter().chain(rest).filter_map(|mesh| mesh.stiffness);
             if let Some(wrong) = stiffness.flat_map(|all| all.numbers()).find(|x| !x.is_finite()) {
                 return Err(format!("{control}: {wrong} is no stiffness"));
@@ -381,19 +387,26 @@ mod tests {
         for (spoil, words) in [
             (
                 (|all| all.moved[0].model.turned.bent[0].shape = -0.1) as fn(&mut ExpectedErrors),
-                "right at 10°: -0.1 is no error",
+                "right at 10°: error -0.1; errors must be",
             ),
             (
                 |all| all.moved[0].model.turned.bent[1].force = Some(f64::INFINITY),
-                "right at 30°: inf is no error",
+                "right at 30°: error inf; errors must be",
             ),
             (|all| all.moved[0].model.turned.bent.swap(0, 2), "not in the order"),
+            (
+                |all| {
+                    let rest = MeshErrors { wrench: 0.1, shape: -0.1, stiffness: None, loads: vec![] };
+                    all.moved[0].finer = Some(FinerErrors { rest: Some(rest), ..FinerErrors::default() });
+                },
+                "right: error of the mesh -0.1; errors must be",
+            ),
             (
                 |all| {
                     all.moved[0].mesh =
                         Some(MeshErrors { wrench: f64::NAN, shape: 0.0, stiffness: None, loads: vec![] })
                 },
-                "NaN is no error of the mesh",
+                "right: error of the mesh NaN; errors must be",
             ),
         ] {
             let mut wrong = measured();

@@ -9,6 +9,7 @@ use super::model::ModelEntry;
 use super::pose::frame::{ControlPose, Wrench};
 use super::pose::se3;
 use super::trial::{Deviation, GOOD, PoseResult};
+use crate::base::statistics::larger;
 use crate::base::table::count;
 use crate::green::{EQUILIBRIA, FIELDS, GreenFile, KnownEquilibrium, PathKind};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -63,24 +64,24 @@ impl ModelReach {
         Ok((!states.is_empty()).then_some(ModelReach { states, inverted: inverted.len() }))
     }
 
-    /// The worst error among those that are turned by no more than 30°, 60°, 90° and 360°, with that turn; a turn between which and the
-    /// one before there is no equilibrium is left out.
+    /// The farthest turn up to 30°, 60°, 90° and 360° at which there is an equilibrium, °, each with the worst error up to there; ranges
+    /// without an equilibrium are left out.
     pub fn turned(&self) -> Vec<(f64, f64)> {
         let turned = || self.states.iter().filter(|state| !state.is_stretched);
         let within = |low: f64, high: f64| turned().any(|state| state.turn > low && state.turn <= high);
-        let worst = |high: f64| {
-            turned().filter(|state| state.turn <= high).map(|state| state.error).fold(0.0, f64::max)
+        let until = |high: f64, of: fn(&ComparedState) -> f64| {
+            turned().filter(|state| state.turn <= high).map(of).fold(0.0, larger)
         };
         let low = std::iter::once(0.0).chain(TURNS);
         low.zip(TURNS)
             .filter(|(low, high)| within(*low, *high))
-            .map(|(_, high)| (high, worst(high)))
+            .map(|(_, high)| (until(high, |state| state.turn), until(high, |state| state.error)))
             .collect()
     }
 
     /// The worst error among those that are pulled or pressed.
     pub fn stretched(&self) -> Option<f64> {
-        self.states.iter().filter(|state| state.is_stretched).map(|state| state.error).reduce(f64::max)
+        self.states.iter().filter(|state| state.is_stretched).map(|state| state.error).reduce(larger)
     }
 
     /// A line about it.
@@ -88,20 +89,19 @@ impl ModelReach {
         let mut parts: Vec<String> = self
             .turned()
             .iter()
-            .map(|(turn, error)| format!("{} turned to {:.0}°", part_text(*error), turn.floor()))
+            .map(|(turn, error)| format!("{} turned to {:.0}°", part_text(*error), turn.round()))
             .collect();
         parts.extend(self.stretched().map(|error| format!("{} pulled or pressed", part_text(error))));
-        let good = self.states.iter().filter(|state| state.error <= GOOD).count();
+        let (good, all) = (self.states.iter().filter(|state| state.error <= GOOD).count(), self.states.len());
         let inverted = match self.inverted {
             0 => String::new(),
             some => format!("; {} more have tetrahedra inside out", count(some, "state")),
         };
         format!(
-            "forces within {}; within {} in {good} of {} equilibria of this body, {} of which the model was not made \
-             from{inverted}",
+            "forces within {}; {good} of {all} equilibria of this body are within {} ({} of the {all} did not serve to make the \
+             model){inverted}",
             parts.join(", "),
             part_text(GOOD),
-            self.states.len(),
             self.states.iter().filter(|state| state.is_held_out).count()
         )
     }

@@ -101,6 +101,10 @@ impl MotionErrors {
         if near {
             return Some(least);
         }
+        // No shift is a press.
+        if pull < 0.0 {
+            return None;
+        }
         // A shift is stretched by what the turn alone does not stretch.
         let by_the_turn = turned.stretch * (arc / turned.turn).min(1.0);
         let shifted =
@@ -281,5 +285,26 @@ mod tests {
         };
         assert_eq!([force(60.0, 0.3), force(60.0, 0.45)], [Some(0.4); 2]);
         assert_eq!([force(60.0, 0.55), force(10.0, 0.3)], [None; 2], "more than any shift");
+    }
+
+    /// Shifts go farther than presses, but none of them is one.
+    #[test]
+    fn a_press_beyond_the_measured_ones_has_no_errors() {
+        let pressed = vec![at(0.0, [0.01, 0.01], 0.1), at(0.0, [0.05, 0.05], 0.2)];
+        let shifted = vec![at(0.0, [0.02, 0.02], 0.3), at(0.0, [0.1, 0.1], 0.4)];
+        let bent = vec![at(30.0, [0.1, 0.0], 0.1)];
+        let turned = TurnErrors { twisted: bent.clone(), both: bent.clone(), bent, about: Vec::new() };
+        let all = MotionErrors { turned, shifted, pressed, ..MotionErrors::default() };
+        let lost = MotionErrors { pressed: Vec::new(), ..all.clone() };
+        let force = |errors: &MotionErrors, pull: f64| {
+            let by = pull.abs();
+            errors
+                .at(Reach { stretch: by, off: by, pull, ..Reach::default() }, None, Some(&ErrorsAt::NONE))?
+                .force
+        };
+        assert_eq!([force(&all, -0.05), force(&all, -0.08)], [Some(0.2), None]);
+        assert!(force(&lost, -0.01).is_some_and(|error| error < 0.3), "near rest");
+        assert_eq!(force(&lost, -0.05), None);
+        assert_eq!(force(&all, 0.1), Some(0.4), "a pull is among the shifts");
     }
 }

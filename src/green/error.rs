@@ -29,10 +29,16 @@ pub enum GreenError {
     )]
     ControlCount { body: String, model: &'static str, count: usize, allowed: &'static str },
     #[error(
-        "{body}: model \"{model}\" is made from equilibria at large turns, and none was found with {unknowns} unknowns. It takes a \
-         direct solver and {most} unknowns at most; write model = \"reduced\", or method = \"cholesky\" and a coarser mesh"
+        "{body}: model \"{model}\" is made from equilibria at large turns, which are not sought with {unknowns} unknowns and this \
+         solver. It takes a direct solver and {most} unknowns at most; write model = \"reduced\", or method = \"cholesky\" and a \
+         coarser mesh"
     )]
     NoEquilibria { body: String, model: &'static str, unknowns: usize, most: usize },
+    #[error(
+        "{body}: model \"{model}\" is made from equilibria at large turns, and none was found when the body was bent, twisted, pulled \
+         and pressed. Write model = \"reduced\", and look for slivers (`greenstage check`)"
+    )]
+    NoneFound { body: String, model: &'static str },
     #[error(
         "body.{body}.updates: the columns of the effect {effect} hold only for the body as precomputed. \
          Leave out the effect or updates"
@@ -70,6 +76,7 @@ impl GreenError {
             GreenError::Assembly { .. }
             | GreenError::ControlCount { .. }
             | GreenError::NoEquilibria { .. }
+            | GreenError::NoneFound { .. }
             | GreenError::Updates { .. } => true,
             GreenError::Parts { source, .. } => source.is_request(),
             GreenError::Boundary { source, .. } => matches!(source, bem::Error::Flat { .. }),

@@ -11,7 +11,7 @@ use super::error::SolveError;
 use super::minimise::Setback;
 use super::newton::{Counts, Equilibrium, IterationEnd, Newton, Path, Point, SHORTEST_STEP};
 use super::settle::largest;
-use super::stability::Stability;
+use super::stability::{ROUGH, Stability};
 use crate::base::progress::Progress;
 use crate::fem::NodeFields;
 use nalgebra::Matrix3;
@@ -117,12 +117,16 @@ impl Newton<'_> {
                 Err(IterationEnd::Solve(error)) => return Err(NewtonError::Solve(error)),
                 Err(IterationEnd::Setback(why)) => {
                     failed = target;
-                    step *= 0.5;
+                    step = 0.5 * (target - share);
                     counts.halved += 1;
                     if step >= SHORTEST_STEP {
                         continue;
                     }
-                    let stability = self.stability(&point, share, &trail, path).ok();
+                    let stability = match self.stability(&point, share, &trail, path) {
+                        Ok(stability) => Some(stability),
+                        Err(IterationEnd::Setback(_)) => None,
+                        Err(IterationEnd::Solve(error)) => return Err(NewtonError::Solve(error)),
+                    };
                     let beyond = match &stability {
                         Some(stability) if stability.is_critical && passed.len() < MOST_PASSED => {
                             self.beyond((&point, share), longest, stability, path, &mut counts)?
@@ -148,6 +152,22 @@ impl Newton<'_> {
             }
         }
         Ok(Followed { equilibrium: self.judge(point, 1.0, counts)?, passed })
+    }
+
+    /// The least eigenvalue of the tangent of an equilibrium at `share`, N/m, to a thousandth, and its mode over all nodes, of length 1;
+    /// `None` where nothing is free. The error says so where the equilibrium is not stable.
+    pub fn least_mode(&self, point: &Point, share: f64) -> Result<Option<(f64, NodeFields)>, NewtonError> {
+        if self.solver.is_none() {
+            return Ok(None);
+        }
+        match self.modes(point, share, ROUGH) {
+            Ok((values, mode)) => Ok(values.first().map(|least| (*least, mode))),
+            Err(IterationEnd::Solve(error)) => Err(NewtonError::Solve(error)),
+            Err(IterationEnd::Setback(why)) => {
+                let at = Box::new(self.judge(point.clone(), share, Counts::default())?);
+                Err(NewtonError::Stopped { at, share, why, stability: None })
+            }
+        }
     }
 
     /// The next stable state beyond the critical one that follows on the state at `share`, and whether the way was left along the mode.
@@ -186,7 +206,7 @@ impl Newton<'_> {
         self.trace((point.clone(), share), steps, path, counts, &mut |at| {
             arcs += 1;
             let upright = self.is_upright(&at.point, at.share)?;
-            if upright && at.negative == 0 && at.share > share {
+            if upright && at.negative == 0 && at.share > share && at.share <= 1.0 {
                 found = Some((at.point.clone(), at.share));
             }
             Ok(found.is_none() && upright && arcs < MOST_ARCS)

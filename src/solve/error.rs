@@ -1,6 +1,7 @@
 //! Errors of solving a system, with the numbers and the remedy.
 
 use crate::base::machine::TooLarge;
+use crate::fem::AssemblyError;
 
 /// Limits on relative errors of a solution: above the first there is a warning, above the second the solution is refused.
 /// They apply to the forward error and to the errors of rigid motions.
@@ -49,6 +50,10 @@ pub enum SolveError {
          solver.method = \"cholesky\""
     )]
     Mode { mode: usize, hertz: f64, residual: f64, limit: f64 },
+    #[error("the body cannot be warmed to {stretch:.3} times its length at rest: {source}. Warm it less")]
+    Warmth { stretch: f64, source: AssemblyError },
+    #[error("the pushed control elements can move without a force: hold one of their free directions")]
+    Loose,
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]
     Inexact { figure: &'static str, value: f64, remedy: &'static str },
 }

@@ -1,9 +1,9 @@
 //! One load step to the next equilibrium: a prediction along the tangent, and the iterations after it.
 //!
 //! In: the [`Newton`] problem and an equilibrium with the factor of its tangent. Out: the next equilibrium with its own. K(u) d = -f(u)
-//! is solved with the tangent of each state until the steps are short, then with the last factor as long as its steps win what they
-//! promise. Each d is shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithm 3.2). Tangents
-//! must be positive definite, that at the end too: what is found is a stable equilibrium.
+//! is solved with the tangent of each state until the steps are short, then with the last factor, as long as each step lowers the energy
+//! as predicted. Each d is shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithm 3.2). Tangents
+//! must be positive definite; the last one is that of a state within 0.1 % of the displacement of the equilibrium.
 
 use super::error::SolveError;
 use super::factored::Factored;
@@ -20,8 +20,8 @@ const MOST_FACTORS: usize = 25;
 const MOST_FACTORS_FAR: usize = 200;
 /// Iterations with pressures as unknowns.
 const MAX_MIXED: usize = 10;
-/// An old factor serves after a step by at most this part of the largest displacement, while the energy that is left to be won falls to
-/// this part with each step.
+/// An old factor is used again after a step shorter than the first of these parts of the largest displacement, while each step leaves at
+/// most the second part of the decrease that the one before promised.
 const NEAR_END: f64 = 1e-2;
 const EASED_GAIN: f64 = 0.02;
 /// Iterations for each factorization that a search may take.
@@ -42,7 +42,7 @@ const LEAST_SCALE: f64 = 1e-8;
 const FIRST_WAY: f64 = 0.25;
 /// Largest change of F in a prediction under loads: a beam turns by some 40°.
 const LONGEST: f64 = 1.0;
-/// Shares of the way below which a prediction may be as long as it is.
+/// Load steps shorter than this share of the way are not refused for a long prediction.
 const SHORT: f64 = 1.0 / 256.0;
 
 impl<'a> Newton<'a> {
@@ -189,7 +189,7 @@ impl<'a> Newton<'a> {
         Err(IterationEnd::Setback(Setback::Slow))
     }
 
-    /// Newton's iteration downhill with at most `most` factorizations; with a measure, what is found is stable, and states on the way need
+    /// Newton's iteration downhill with at most `most` positive definite tangents; with a measure, what is found is stable, and states on the way need
     /// not be.
     fn iterate(
         &self,
@@ -293,7 +293,7 @@ struct Descent<'a, 's> {
     /// that of a round column which buckles to any side, a body goes far with a small one only.
     scale: f64,
     shift: f64,
-    /// Factorizations that it may take still.
+    /// Positive definite tangents that it may factorise still.
     left: usize,
     error: Option<SolveError>,
 }
@@ -359,7 +359,7 @@ impl Energy for Descent<'_, '_> {
     }
 
     fn factorise(&mut self, shift: f64) -> bool {
-        if self.left == 0 || shift > 0.0 && self.search.measure.is_none() {
+        if self.error.is_some() || self.left == 0 || shift > 0.0 && self.search.measure.is_none() {
             return false;
         }
         self.own = None;

@@ -10,7 +10,7 @@ use super::minimise::Setback;
 use super::pushed::{Border, Pushed, Tangent, matrix};
 use super::settle::{Settler, sum};
 use super::solver::LinearSolver;
-use super::stability::{EXACT, ROUGH, Stability, twins, zero_at};
+use super::stability::{EXACT, Stability, twins, zero_at};
 use crate::base::progress::Silent;
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix};
 use nalgebra::{DMatrix, Matrix3};
@@ -92,6 +92,15 @@ pub struct Counts {
     pub moves: Vec<f64>,
 }
 
+impl Counts {
+    /// Adds the work of an earlier way to the same end.
+    pub fn begin_with(&mut self, earlier: &Counts) {
+        self.steps += earlier.steps;
+        self.halved += earlier.halved;
+        self.factorizations += earlier.factorizations;
+    }
+}
+
 /// The reason why an iteration ended early.
 #[derive(Debug)]
 pub(super) enum IterationEnd {
@@ -105,7 +114,8 @@ impl From<SolveError> for IterationEnd {
             // Too ill-conditioned to be solved is as good as singular.
             SolveError::NotPositiveDefinite { .. }
             | SolveError::Factor { .. }
-            | SolveError::Inexact { .. } => IterationEnd::Setback(Setback::Unstable),
+            | SolveError::Inexact { .. }
+            | SolveError::Loose => IterationEnd::Setback(Setback::Unstable),
             other => IterationEnd::Solve(other),
         }
     }
@@ -246,26 +256,13 @@ impl<'a> Newton<'a> {
     }
 
     /// The least eigenvalues of the tangent of a stable state, N/m, with the mode of the first.
-    fn modes(
+    pub(super) fn modes(
         &self,
         point: &Point,
         share: f64,
         tolerance: f64,
     ) -> Result<(Vec<f64>, NodeFields), IterationEnd> {
         self.with_tangent(point, share, |_, tangent| Ok(tangent.least_modes(tolerance)?))
-    }
-
-    /// The least eigenvalue of the tangent of a stable equilibrium at `share`, N/m, to a thousandth, and its mode over all nodes, of
-    /// length 1; `None` where nothing is free.
-    pub fn least_mode(&self, point: &Point, share: f64) -> Result<Option<(f64, NodeFields)>, SolveError> {
-        if self.solver.is_none() {
-            return Ok(None);
-        }
-        match self.modes(point, share, ROUGH) {
-            Ok((values, mode)) => Ok(values.first().map(|least| (*least, mode))),
-            Err(IterationEnd::Solve(error)) => Err(error),
-            Err(IterationEnd::Setback(_)) => Ok(None),
-        }
     }
 
     /// The motion of what is pushed that has least stiffness at `share`, and that stiffness in parts of the largest, both of the nodes'

@@ -131,12 +131,7 @@ impl<'t> Tangent<'t> {
         }
         let d = matrix(&d);
         let rest = pushes - self.border.motions.tr_mul(&product(self.k, &d));
-        let unsolved = SolveError::Inexact {
-            figure: "the stiffness of the pushed control elements",
-            value: 0.0,
-            remedy: "hold one of their free directions",
-        };
-        let dq = self.schur.clone().lu().solve(&rest).ok_or(unsolved)?;
+        let dq = self.schur.clone().lu().solve(&rest).ok_or(SolveError::Loose)?;
         Ok((fields(&(d + &self.follow * &dq)), dq))
     }
 

@@ -9,6 +9,7 @@
 use super::error::SolveError;
 use super::minimise::{Energy, Step, minimise};
 use super::solver::Factor;
+use crate::base::statistics::larger;
 use crate::fem::{Hyperelastic, NodeFields, Partition, StiffnessMatrix, nearest_turn};
 use nalgebra::{Matrix3, Vector3};
 
@@ -75,8 +76,6 @@ pub struct Settled {
     pub forces: NodeFields,
     /// Strain energy less the work of the loads, J.
     pub energy: f64,
-    /// ‖f less the loads at free nodes‖₂ / ‖the same at controlled nodes‖₂.
-    pub residual: f64,
     /// Solves with the factor.
     pub solves: usize,
 }
@@ -132,13 +131,11 @@ impl Settler<'_> {
         if let Some(error) = search.error {
             return Err(error);
         }
-        let [left, held] = search.norms;
         let Search { now, forces, inverse, .. } = search;
         let settled = found.ok().map(|found| Settled {
             u: now.u,
             forces,
             energy: found.energy,
-            residual: if held == 0.0 { left } else { left / held },
             solves: inverse.solves,
         });
         Ok(settled.ok_or(Unsettled))
@@ -310,7 +307,7 @@ impl Energy for Search<'_> {
         }
     }
 
-    /// A last step is so short that it need not be gone.
+    /// The last step is too short to matter and is not taken.
     fn finish(&mut self, energy: f64, _gain: f64) -> Option<f64> {
         Some(energy)
     }
@@ -328,7 +325,7 @@ pub(super) fn sum(a: &NodeFields, s: f64, b: &NodeFields) -> NodeFields {
     NodeFields { data: a.data.iter().zip(&b.data).map(|(a, b)| a + s * b).collect(), ..*a }
 }
 
-/// The largest number of fields.
+/// The largest number of fields; NaN where one is NaN.
 pub(super) fn largest(fields: &NodeFields) -> f64 {
-    fields.data.iter().fold(0.0, |largest, value| value.abs().max(largest))
+    fields.data.iter().map(|value| value.abs()).fold(0.0, larger)
 }

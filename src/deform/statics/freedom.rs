@@ -45,10 +45,10 @@ const ITERATIONS: usize = 30;
 const FIRST_PART: f64 = 0.25;
 const LEAST_PART: f64 = 1.0 / 128.0;
 /// Ratio of the least to the largest stiffness below which nothing holds the body.
-const LOOSE: f64 = 1e-9;
+pub(super) const LOOSE: f64 = 1e-9;
 
 /// "1st", "2nd", "3rd", "4th" …
-pub(super) fn ordinal(n: usize) -> String {
+fn ordinal(n: usize) -> String {
     let end = match (n % 10, n % 100) {
         (_, 11..=13) => "th",
         (1, _) => "st",
@@ -57,6 +57,15 @@ pub(super) fn ordinal(n: usize) -> String {
         _ => "th",
     };
     format!("{n}{end}")
+}
+
+/// What is wrong where no force resists a motion of a control element.
+pub(super) fn loose(element: usize, component: &str) -> String {
+    format!(
+        "the {} control element of the scene can move in {component} without a force: take that out of its free directions, or \
+         hold another element",
+        ordinal(element + 1)
+    )
 }
 
 /// The wrenches that hold a body in poses, each with the moment about where the element's origin is; the error says why there are none.
@@ -169,14 +178,9 @@ impl<'a> Search<'a> {
         let svd = slope.clone().svd(false, true);
         let stretches = &svd.singular_values;
         if stretches.min() <= LOOSE * stretches.max() {
-            let loose = svd.v_t.map(|v| v.row(stretches.imin()).iamax_full().1);
-            let (e, k) = loose.and_then(|at| self.unknowns().nth(at)).unwrap_or_default();
-            return Err(format!(
-                "nothing holds it there: the {} of the scene can move in {} without a force. Take that out of \
-                 its free directions, or hold another",
-                ordinal(e + 1),
-                COMPONENTS[k]
-            ));
+            let weakest = svd.v_t.map(|v| v.row(stretches.imin()).iamax_full().1);
+            let (e, k) = weakest.and_then(|at| self.unknowns().nth(at)).unwrap_or_default();
+            return Err(loose(e, COMPONENTS[k]));
         }
         Ok(slope)
     }
@@ -385,6 +389,6 @@ mod tests {
             Ok(vec![Wrench { force, moment: Vector3::zeros() }])
         };
         let why = Search::new(&free, 0.5, false, &rest).follow(&mut loose).unwrap_err();
-        assert!(why.starts_with("nothing holds it there") && why.contains("the 1st of the scene"), "{why}");
+        assert!(why.starts_with("the 1st control element of the scene can move in "), "{why}");
     }
 }

@@ -6,6 +6,7 @@
 
 use super::background::{Asked, Background, Found, Next, Shared, lock, lose, next};
 use super::load_steps;
+use super::way::warmed;
 use crate::deform::loads::applied::StaticForces;
 use crate::deform::loads::lumped::NodalLoads;
 use crate::deform::memory::{HeldNodes, Warm};
@@ -39,6 +40,7 @@ struct HeldVolume {
     loads: Option<NodalLoads>,
     controls: Vec<ControlRest>,
     partition: Partition,
+    solver: Box<dyn LinearSolver>,
     /// Centroids of the held nodes, m.
     origins: Vec<Vector3<f64>>,
     size: f64,
@@ -74,6 +76,9 @@ impl HeldVolume {
         if partition.controlled.is_empty() {
             return Err("no control element holds a node of it: there is no equilibrium to find".into());
         }
+        let rest = body.tangent(&body.gradients(&NodeFields::zeros(mesh.nodes.len(), 1)));
+        let solver = Solver::default().analyse(&partition.a(&rest), &Silent);
+        let solver = solver.map_err(|error| error.to_string())?;
         let mean = |held: &Vec<u32>| {
             let sum: Vector3<f64> = held.iter().map(|&node| mesh.nodes[node as usize]).sum();
             sum / held.len().max(1) as f64
@@ -93,6 +98,7 @@ impl HeldVolume {
             law,
             loads,
             partition,
+            solver,
             volume,
         })
     }
@@ -103,13 +109,7 @@ impl HeldVolume {
         let mut last = self.body.borrow_mut();
         if last.0 != stretch {
             let Volume { element, mesh, lame, .. } = &self.volume;
-            let warm = Hyperelastic::stretched(element, self.law, mesh, lame, stretch);
-            let warm = warm.map_err(|_source| SolveError::Inexact {
-                figure: "the length of the warm body in parts of that at rest",
-                value: stretch,
-                remedy: "take less warmth",
-            })?;
-            *last = (stretch, Arc::new(warm));
+            *last = (stretch, warmed(element, self.law, mesh, lame, stretch)?);
         }
         Ok(last.1.clone())
     }
@@ -117,15 +117,10 @@ impl HeldVolume {
     /// Finds equilibria until nobody wants them any more. A body of which no factor can be made is lost where it is.
     fn run(&self, shared: &Shared) {
         let rest = Warm::at(at_rest(&self.volume));
-        let body = self.body.borrow().1.clone();
-        let k = body.tangent(&body.gradients(&self.fields(&rest.held)));
-        let Ok(solver) = Solver::default().analyse(&self.partition.a(&k), &Silent) else {
-            return lose(shared, shared.number.load(Ordering::Acquire), (0, &rest));
-        };
         let (mut warm, mut stable, mut epoch) = (rest.clone(), rest.held.clone(), 0);
         let mut legs = VecDeque::new();
         loop {
-            match self.follow(shared, solver.as_ref(), &mut warm, (&mut stable, epoch), &mut legs) {
+            match self.follow(shared, &mut warm, (&mut stable, epoch), &mut legs) {
                 Ok(Renewal::Tired) => warm = Warm::at(warm.held),
                 Ok(Renewal::Anew(way)) => (warm, legs) = (rest.clone(), way),
                 Ok(Renewal::Restored((other, since))) => {
@@ -152,13 +147,12 @@ impl HeldVolume {
     fn follow(
         &self,
         shared: &Shared,
-        solver: &dyn LinearSolver,
         warm: &mut Warm,
         (stable, epoch): (&mut HeldNodes, u64),
         legs: &mut VecDeque<ControlPoses>,
     ) -> Result<Renewal, SolveError> {
         let tangent = self.tangent(&warm.factored)?;
-        let factor = solver.factor(&tangent.a, &Silent)?;
+        let factor = self.solver.factor(&tangent.a, &Silent)?;
         stable.clone_from(&warm.factored);
         let old = OldFactor { factor: factor.as_ref(), gradients: &tangent.gradients };
         loop {
@@ -168,9 +162,9 @@ impl HeldVolume {
                 Next::Stiffness => {
                     let stiffness = match warm.is_new {
                         true => self.stiffness(&tangent.k, factor.as_ref()),
-                        false => self.stiffness_at(&warm.held, solver),
+                        false => self.stiffness_at(&warm.held),
                     };
-                    if stiffness.is_err() && !lock(&shared.asked).is_awaited {
+                    if stiffness.is_err() && !warm.is_new && !lock(&shared.asked).is_awaited {
                         return Ok(Renewal::Tired);
                     }
                     tell_stiffness(shared, stiffness.ok(), epoch);
@@ -322,9 +316,9 @@ impl HeldVolume {
 
     /// [`HeldVolume::stiffness`] by a factor of its own: the one that finds the next equilibrium must not depend on when there was time
     /// for this. The error says that `held` is not stable.
-    fn stiffness_at(&self, held: &HeldNodes, solver: &dyn LinearSolver) -> Result<DMatrix<f64>, SolveError> {
+    fn stiffness_at(&self, held: &HeldNodes) -> Result<DMatrix<f64>, SolveError> {
         let here = self.tangent(held)?;
-        self.stiffness(&here.k, solver.factor(&here.a, &Silent)?.as_ref())
+        self.stiffness(&here.k, self.solver.factor(&here.a, &Silent)?.as_ref())
     }
 
     /// ∂²V/∂c² = Φᵀ K Φ by the coefficients c of the poses, Φ being the fields that keep the free nodes in balance.

@@ -32,7 +32,7 @@ use crate::solve::{
     SolveError, Stability,
 };
 use critical::{CriticalPose, Ways};
-use freedom::{COMPONENTS, Freedom};
+use freedom::{COMPONENTS, Freedom, LOOSE};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 pub use outcome::{Branch, EquilibriumResult, LeastMode, StaticsError, TangentState};
 use pushed::prescribe;
@@ -64,8 +64,6 @@ const TURN: f64 = std::f64::consts::PI / 6.0;
 /// Largest stretch of a control element in one load step, and largest motion against another, in parts of the body's size.
 const STRETCH: f64 = 0.25;
 const MOST_STEPS: usize = 256;
-/// Ratio of the least to the largest stiffness below which nothing holds a free control element.
-const LOOSE: f64 = 1e-9;
 /// Times that loads which follow a free control element are turned after it, and the part of a force that counts as none.
 const MOST_TURNED: usize = 30;
 const SAME_FORCES: f64 = 1e-9;
@@ -294,9 +292,13 @@ impl Statics {
             let loads = newton.loads.map(|loads| Loads { warm: None, pushed: None, ..loads });
             let newton = Newton { loads, ..*newton };
             let Some(found) = newton.settle_near(start)? else { return Ok(None) };
-            Ok(Some((self.mode_of(&newton, &found)?, found)))
+            match self.mode_of(&newton, &found) {
+                Ok(mode) => Ok(Some((mode, found))),
+                Err(NewtonError::Stopped { .. }) => Ok(None),
+                Err(NewtonError::Solve(error)) => Err(error),
+            }
         });
-        let Some((mode, found)) = near.map_err(|error: SolveError| StaticsError::from(error))? else {
+        let Some((mode, found)) = near? else {
             return Ok(None);
         };
         let turns = way.told.turns(1.0);
@@ -435,7 +437,7 @@ impl Statics {
         &self,
         newton: &Newton<'_>,
         at: &Equilibrium,
-    ) -> Result<Option<(f64, NodeFields)>, SolveError> {
+    ) -> Result<Option<(f64, NodeFields)>, NewtonError> {
         if !self.judges_stability {
             return Ok(None);
         }
@@ -461,8 +463,13 @@ impl Statics {
                     let loads = newton.loads.map(|loads| Loads { forces: &nothing, ..loads });
                     let point = Point { u: u.clone(), q: vec![0.0; pushed.count()] };
                     Newton { loads, ..*newton }.least_mode(&point, 1.0)
-                })?;
-                found.map_or(value, |(least, _)| least)
+                });
+                match found {
+                    Ok(found) => found.map_or(value, |(least, _)| least),
+                    Err(NewtonError::Solve(error)) => return Err(error.into()),
+                    // A body that is not stable at rest has no eigenvalue there to compare with.
+                    Err(NewtonError::Stopped { .. }) => return Ok(None),
+                }
             }
         };
         self.at_rest = Some(at_rest);
@@ -484,16 +491,23 @@ impl Statics {
         self.held = None;
         let (mut settled, mut held) = self.go_once(from, ways, &start, &poses, &shift, progress)?;
         let mut turned = 0;
-        while !self.freedom.is_empty() && turned < MOST_TURNED {
+        while !self.freedom.is_empty() {
             let forces = self.forces(&held.poses, &held.turns);
             let apart = forces.data.iter().zip(&held.forces.data).map(|(a, b)| (a - b).abs());
             let largest = forces.data.iter().map(|force| force.abs()).fold(0.0, f64::max);
-            if apart.fold(0.0, f64::max) <= SAME_FORCES * largest {
+            let apart = apart.fold(0.0, f64::max);
+            if apart <= SAME_FORCES * largest {
                 break;
+            }
+            if turned == MOST_TURNED {
+                return Err(StaticsError::StillTurning { searches: turned, part: apart / largest });
             }
             let stays: Vec<Way> = held.poses.iter().map(|pose| Way::onwards(pose, pose)).collect();
             let poses = held.poses.clone();
+            let (passed, counts) = (settled.stability.passed, settled.counts);
             (settled, held) = self.go_once("the same pose", &stays, &held, &poses, &shift, &Silent)?;
+            settled.stability.passed.splice(0..0, passed);
+            settled.counts.begin_with(&counts);
             turned += 1;
         }
         self.held = Some(held);
@@ -534,7 +548,8 @@ impl Statics {
             Ok(Err((element, component))) => Err(StaticsError::Loose { element, component }),
             Err(NewtonError::Solve(error)) => Err(error.into()),
             Err(NewtonError::Stopped { at, share, why, stability }) => {
-                let settled = self.settled(&at, &way.forces_at(share), &(shift * share), poses.clone());
+                let reached = way.lead(|_, _, pushed| pushed.moved(share, &at.q));
+                let settled = self.settled(&at, &way.forces_at(share), &(shift * share), reached);
                 let settled = Box::new(settled);
                 let tags = self.mesh.tets[settled.least_det.1].map(|node| self.mesh.tags[node as usize]);
                 let tell = |found: Box<Stability>| {

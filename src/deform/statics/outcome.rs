@@ -5,7 +5,7 @@
 //! bifurcations along the mode.
 
 use super::critical::CriticalPose;
-use super::freedom::ordinal;
+use super::freedom::loose;
 use crate::deform::pose::frame::{ControlPose, ControlPoses, Wrench};
 use crate::fem::Law;
 use crate::green::GreenError;
@@ -90,12 +90,13 @@ pub enum StaticsError {
     Green(#[from] GreenError),
     #[error(transparent)]
     Solve(#[from] SolveError),
-    #[error(
-        "nothing holds it there: the {} of the scene can move in {component} without a force. Take that out of its free \
-         directions, or hold another",
-        ordinal(*element + 1)
-    )]
+    #[error("{}", loose(*element, component))]
     Loose { element: usize, component: &'static str },
+    #[error(
+        "the loads turn with what is pushed, and after {searches} searches they still differ by {part:.1e} of the largest from \
+         those that fit where it stands: push it less far, or hold its turn"
+    )]
+    StillTurning { searches: usize, part: f64 },
     #[error(
         "no equilibrium beyond {:.1} % of the way from {from} to this pose: {}. {}",
         100.0 * share, explain(*why, critical), remedy(*why, critical, law, settled.least_det.0)

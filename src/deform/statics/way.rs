@@ -9,7 +9,7 @@ use super::outcome::Branch;
 use super::pushed::{PushedControls, prescribe};
 use crate::deform::pose::follow::FollowedTurn;
 use crate::deform::pose::frame::{ControlPose, ControlPoses, Wrench};
-use crate::fem::{Element, Hyperelastic, Lame, NodeFields, Partition};
+use crate::fem::{Element, Hyperelastic, Lame, Law, NodeFields, Partition};
 use crate::green::ControlElement;
 use crate::mesh::TetMesh;
 use crate::solve::{
@@ -68,6 +68,18 @@ pub(super) struct BodyWay<'a> {
     pub forces: NodeFields,
 }
 
+/// The body that warmth lengthens by `stretch` where it is free.
+pub(super) fn warmed(
+    element: &Element,
+    law: &'static Law,
+    mesh: &TetMesh,
+    lame: &[Lame],
+    stretch: f64,
+) -> Result<Arc<Hyperelastic>, SolveError> {
+    let body = Hyperelastic::stretched(element, law, mesh, lame, stretch);
+    body.map(Arc::new).map_err(|source| SolveError::Warmth { stretch, source })
+}
+
 impl BodyWay<'_> {
     /// Forces on the nodes at a share of the way.
     pub fn forces_at(&self, share: f64) -> NodeFields {
@@ -105,12 +117,7 @@ impl BodyWay<'_> {
             if let Some((_, known)) = made.iter().find(|(of, _)| *of == now) {
                 return Ok(known.clone());
             }
-            let warmed = Hyperelastic::stretched(element, body.law, mesh, lame, now);
-            let warmed = Arc::new(warmed.map_err(|_source| SolveError::Inexact {
-                figure: "the length of the warm body in parts of that at rest",
-                value: now,
-                remedy: "take less warmth",
-            })?);
+            let warmed = warmed(element, body.law, mesh, lame, now)?;
             if made.len() == 2 {
                 made.remove(0);
             }

@@ -161,7 +161,7 @@ pub fn measure(scene: &Resolved, body: &mut Precomputed, progress: &dyn Progress
     errors.moved = moved.iter().zip(model).zip(mesh).map(of_one).collect();
     if let Err(why) = errors.check() {
         errors.moved.clear();
-        errors.left_out.push(format!("what was measured is no error: {why}"));
+        errors.left_out.push(format!("what was measured cannot be an error: {why}"));
     }
     errors
 }

@@ -150,9 +150,9 @@ pub fn motions(solution: &Solution) -> DMatrix<f64> {
     DMatrix::from_columns(&paths.iter().flat_map(of).collect::<Vec<_>>())
 }
 
-/// The equilibria of a body; `None` where [`has_equilibria`] says no.
+/// The equilibria of a body; `None` where [`has_equilibria`] says no, and where none was found.
 pub fn equilibria(
-    law: &'static Law,
+    (law, model): (&'static Law, &str),
     assembled: &Assembled<'_>,
     solution: &Solution,
     progress: &dyn Progress,
@@ -167,11 +167,11 @@ pub fn equilibria(
     let a = assembled.partition.a(assembled.k);
     let solver = assembled.body.solver.analyse(&a, progress).map_err(failed)?;
     let paths = directions(solution);
-    let most = 2 * paths.iter().map(|(_, _, steps)| steps.len()).sum::<usize>();
+    let usual = 2 * paths.iter().map(|(_, _, steps)| steps.len()).sum::<usize>();
     // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of two tangents: K, A and factor.
-    let fields = 4.0 * 24.0 * (most * solution.mesh.nodes.len()) as f64;
+    let fields = 4.0 * 24.0 * (usual * solution.mesh.nodes.len()) as f64;
     let tangents = 2.0 * (24.0 * assembled.k.scalar_entries() as f64 + solver.memory(&a, 1));
-    machine::expect("the equilibria of the model \"reduced\"", fields + tangents)
+    machine::expect(&format!("the equilibria of the model \"{model}\""), fields + tangents)
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     drop(a);
     let newton = Newton {
@@ -245,7 +245,8 @@ impl Walk<'_> {
             let way = goal - before;
             let mut step = way;
             while from < *goal {
-                let share = goal.min(from + step);
+                // The last steps share what is left, so that none is a sliver.
+                let share = if goal - from <= step * (1.0 + 1e-9) { *goal } else { from + step };
                 let last = found.last().map(|(_, last)| last);
                 let u = last.map_or(&rest, |last| &last.u);
                 let volume = last.map_or(1.0, least_volume);

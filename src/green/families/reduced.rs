@@ -179,12 +179,12 @@ fn compute(
             .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })
     };
     let series = memory_of_series(points.nodes, elements, forces.len());
-    expect("the fields of the model \"reduced\"", series)?;
-    let equilibria = equilibria(law, assembled, solution, progress)?;
-    let unknowns = 3 * assembled.partition.free.len();
-    if law.name != STVK.name && equilibria.is_none() && unknowns > 0 {
-        let (body, model) = (assembled.place.to_owned(), REDUCED_NEO_HOOKEAN.name);
-        return Err(GreenError::NoEquilibria { body, model, unknowns, most: MOST_UNKNOWNS });
+    let model = if law.name == STVK.name { REDUCED.name } else { REDUCED_NEO_HOOKEAN.name };
+    expect(&format!("the fields of the model \"{model}\""), series)?;
+    let equilibria = equilibria((law, model), assembled, solution, progress)?;
+    // Of too large a body none were sought.
+    if law.name != STVK.name && equilibria.is_none() && !assembled.partition.free.is_empty() {
+        return Err(GreenError::NoneFound { body: assembled.place.to_owned(), model });
     }
     let mut basis = basis(assembled, solution, &points, equilibria.is_none(), progress)?;
     if let Some(equilibria) = &equilibria {
@@ -226,8 +226,8 @@ fn compute(
     Ok(())
 }
 
-/// States that the pressures must serve: the equilibria, and small motions and what each load does at rest, which count more, so
-/// that they are met more nearly; less those in which a tetrahedron is inside out.
+/// States from which the pressures are chosen: the equilibria with weight 1, less where those with tetrahedra inside out are many, and
+/// small motions and what each load does at rest with more, so that they are met more closely.
 fn states(
     assembled: &Assembled<'_>,
     solution: &Solution,
@@ -404,13 +404,16 @@ fn enriched(
     let basis = beside(&[main, &split_columns(&found, count).0]);
     let [paths, whole] = equilibria.paths;
     let mut message = format!(
-        "{} fields miss at most {:.1e} of the energy of {} equilibria, bent, twisted and pressed",
+        "{} fields reproduce the energy of {} equilibria (bent, twisted and pressed) to within {:.1e}",
         basis.columns,
-        worst(&missed),
-        weights.iter().filter(|weight| **weight >= 1.0).count()
+        weights.iter().filter(|weight| **weight >= 1.0).count(),
+        worst(&missed)
     );
     if whole < paths {
-        message += &format!("; {} of {paths} ways there have none at 90° or at their end", paths - whole);
+        message += &format!(
+            "; on {} of {paths} paths no equilibrium was found at 90° or at their end",
+            paths - whole
+        );
     }
     solution.notices.push(Diagnostic::new(Severity::Note, format!("body.{}.model", assembled.name), message));
     basis

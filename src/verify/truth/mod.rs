@@ -15,6 +15,7 @@ pub use statement::{JudgedBody, Quantity, Source, Statement};
 pub use summary::{held, offenders, summary};
 
 use crate::base::failure::Failure;
+use crate::base::statistics::larger;
 use crate::effect::{Resolved, expected};
 use crate::green::{self, Requirements, STIFFNESS};
 use crate::measure::{
@@ -112,7 +113,7 @@ impl Judge<'_> {
                 wrench_error_of(&errors, &setting.deformer, &wrenches, &[]).filter(|shown| shown.is_whole);
             let off = held.iter().zip(&truth.wrenches);
             let most = off.map(|(a, b)| [(a.force - b.force).norm(), (a.moment - b.moment).norm()]);
-            let [force, torque] = most.fold([0.0; 2], |a: [f64; 2], b| [a[0].max(b[0]), a[1].max(b[1])]);
+            let [force, torque] = most.fold([0.0; 2], |a, b| [0, 1].map(|i| larger(a[i], b[i])));
             let part = |part: Option<f64>| part.map_or("unknown".into(), |part| format!("{part:.3}"));
             let parts =
                 |[model, mesh]: [Option<f64>; 2]| format!(" (model {}, mesh {})", part(model), part(mesh));
@@ -188,7 +189,8 @@ impl Judge<'_> {
             let of = row.setting.to_string();
             judged.statements.extend(statements(Source::Report, &of, row, doubt, truth.map(Some)));
         }
-        let demand: AccuracyTarget = DEMANDS[(judged.seed % 3) as usize].parse().map_err(Failure::wrong)?;
+        let demand: AccuracyTarget =
+            DEMANDS[(judged.seed / 3 % 3) as usize].parse().map_err(Failure::wrong)?;
         let Some((chosen, row)) = planner(self.scene, BODY, measured.rows, &demand)? else {
             judged.left_out.push("the planner found nothing".into());
             return Ok(());
@@ -200,7 +202,7 @@ impl Judge<'_> {
             let Some(truth) = truth.as_ref().filter(|_| measured.compared.contains(name)) else { continue };
             in_session.take(pose);
             let found = in_session.errors(pose, &places, &truth.field(), truth.wrenches.clone());
-            worst = [0, 1].map(|i| Some(worst[i]?.max(found[i]?)));
+            worst = [0, 1].map(|i| Some(larger(worst[i]?, found[i]?)));
         }
         judged.statements.extend(statements(Source::Planner, &row.setting.to_string(), &row, doubt, worst));
         Ok(())
@@ -243,6 +245,9 @@ pub struct Run {
     pub limit: Option<Duration>,
 }
 
+/// A seed, and its judged body or why the program failed on it.
+type Found = (u64, Result<JudgedBody, String>);
+
 /// Progress of a run after a body.
 pub struct Standing<'a> {
     pub body: &'a Result<JudgedBody, String>,
@@ -260,7 +265,7 @@ impl Run {
         each: &(dyn Fn(Standing<'_>) + Sync),
     ) -> Vec<Result<JudgedBody, String>> {
         let started = Instant::now();
-        let (next, all) = (AtomicUsize::new(0), Mutex::new(Vec::<Result<JudgedBody, String>>::new()));
+        let (next, all) = (AtomicUsize::new(0), Mutex::new(Vec::<Found>::new()));
         let worker = || {
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
@@ -275,13 +280,13 @@ impl Run {
                     Err(why) => Err(format!("seed {seed}: {why}")),
                 };
                 let mut all = all.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                all.push(found);
+                all.push((seed, found));
                 let done = all.len();
                 let pace = started.elapsed().as_secs_f64() / done as f64;
                 let left = pace * self.seeds.len().saturating_sub(done) as f64;
                 let limit = self.limit.map(|limit| limit.saturating_sub(started.elapsed()).as_secs_f64());
                 each(Standing {
-                    body: &all[done - 1],
+                    body: &all[done - 1].1,
                     done,
                     left: limit.map_or(left, |limit| left.min(limit)),
                 });
@@ -293,15 +298,15 @@ impl Run {
             }
         });
         let mut all = all.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        all.sort_by_key(|found| found.as_ref().map_or(u64::MAX, |body| body.seed));
-        all
+        all.sort_by_key(|(seed, _)| *seed);
+        all.into_iter().map(|(_, found)| found).collect()
     }
 
     /// Whether a body that is begun now would probably end in time, by the longest so far.
-    fn has_time(&self, started: Instant, all: &Mutex<Vec<Result<JudgedBody, String>>>) -> bool {
+    fn has_time(&self, started: Instant, all: &Mutex<Vec<Found>>) -> bool {
         let Some(limit) = self.limit else { return true };
         let all = all.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let longest = all.iter().flatten().map(|body| body.seconds).fold(0.0, f64::max);
+        let longest = all.iter().flat_map(|(_, found)| found).map(|body| body.seconds).fold(0.0, f64::max);
         started.elapsed().as_secs_f64() + longest <= limit.as_secs_f64()
     }
 }

@@ -260,6 +260,7 @@ impl ReducedBody {
     }
 
     fn forget_beside(&mut self) {
+        self.has_beside = false;
         self.energy.forget();
     }
 
@@ -566,7 +567,12 @@ impl Energy for Search<'_, '_> {
             cross[i * n + q..][..*fields].iter().zip(&*step).map(|(h, step)| h * step).sum::<f64>()
         };
         let curvature: f64 = (0..*fields).map(|i| step[i] * along(i)).sum();
-        (curvature < FALLS * largest).then(|| (2.0 * self.at.1 / largest).sqrt())
+        if curvature < FALLS * largest {
+            return Some((2.0 * self.at.1 / largest).sqrt());
+        }
+        // Newton's step, in whose place the mode stands.
+        self.body.direction();
+        None
     }
 
     fn renew(&mut self) -> bool {

@@ -63,3 +63,25 @@ fn what_is_pressed_along_its_axis_buckles() {
         assert!((body.q()[1].powi(2) - 0.5 * most).abs() < 1e-5, "{y}: {:?}", body.q());
     }
 }
+
+/// V = y² + (q₁ - y)² - 10⁻⁸ q₂² + q₂⁴, all but flat along q₂: the second derivatives are not positive definite, but V falls nowhere that
+/// rounding would show, and the last step is Newton's, not one along q₂.
+#[test]
+fn a_mode_along_which_nothing_falls_is_not_gone() {
+    let shape = QuarticShape { variables: 4 };
+    let mut coefficients = vec![0.0; shape.len()];
+    // z = (1, y, q₁, q₂).
+    for (term, value) in [
+        ([0, 0, 1, 1], 2.0),
+        ([0, 0, 2, 2], 1.0),
+        ([0, 0, 1, 2], -2.0),
+        ([0, 0, 3, 3], -1e-8),
+        ([3, 3, 3, 3], 1.0),
+    ] {
+        coefficients[shape.at(term)] = value;
+    }
+    let mut body = ReducedBody::new([1, 2, 0], Box::new(QuarticEnergy::new(4, &coefficients).unwrap()));
+    let found = body.settle(&[0.3], None).unwrap();
+    assert!((found - 0.09).abs() < 1e-9, "{found}");
+    assert!((body.q()[0] - 0.3).abs() < 1e-6 && body.q()[1].abs() < 1e-3, "{:?}", body.q());
+}

