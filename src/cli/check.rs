@@ -349,7 +349,9 @@ fn reach(name: &str, body: &Body, model: &ModelEntry, prepared: &Prepared) -> Op
         _ if model.name == best => reach,
         Bearing::Columns => {
             let [good, fair] = model.turn_limits_deg;
-            let turn = format!("good where a piece of its surface turns by {good:.0}°, fair to {fair:.0}°");
+            let turn = format!(
+                "its shape is good where a piece of its surface turns by {good:.0}°, fair to {fair:.0}°"
+            );
             format!("{turn}; {best}{with}: {reach}")
         }
         Bearing::Forces(_) => return None,

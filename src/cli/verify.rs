@@ -335,7 +335,8 @@ fn range(numbers: impl Iterator<Item = f64>, text: impl Fn(f64) -> String) -> St
 }
 
 fn chosen(names: &[String]) -> Result<Vec<&'static Problem>, Failure> {
-    let known = || PROBLEMS.iter().map(|problem| problem.name);
+    let studies = STUDIES.iter().map(|(name, _)| *name).chain([TRUTH, TOGETHER]);
+    let known = || PROBLEMS.iter().map(|problem| problem.name).chain(studies.clone());
     if names.is_empty() {
         return Ok(PROBLEMS.iter().collect());
     }

@@ -98,7 +98,7 @@ impl ModelReach {
             some => format!("; {} more have tetrahedra inside out", count(some, "state")),
         };
         format!(
-            "forces within {}; {good} of {all} equilibria of this body are within {} ({} of the {all} did not serve to make the \
+            "forces within {} of those of its mesh; {good} of {all} equilibria of this body are within {} ({} of the {all} did not serve to make the \
              model){inverted}",
             parts.join(", "),
             part_text(GOOD),

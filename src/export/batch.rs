@@ -64,7 +64,7 @@ pub fn solve(
             notice!("note: {}: {doubt}", asked.place());
         }
         let (shape, found) = match (scene.law(name)?, &file) {
-            (None, Some(file)) => surface_results(scene, file, name, &own, asked)?,
+            (None, Some(file)) => surface_results(scene, file, name, (&own, asked), &mut set.missed)?,
             (None, None) => volume_results(scene, name, &own, &mut set.missed)?,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
@@ -203,8 +203,8 @@ fn surface_results(
     scene: &Resolved,
     file: &Arc<GreenFile>,
     name: &str,
-    own: &[&PoseRequest<'_>],
-    all: &[PoseRequest<'_>],
+    (own, all): (&[&PoseRequest<'_>], &[PoseRequest<'_>]),
+    missed: &mut Vec<MissedPose>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
     let stressed = lists_stress(scene, name).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
@@ -219,7 +219,11 @@ fn surface_results(
     let geometry = Geometry::surface(&deformer);
     let result = |((asked, standing), applied): ((&&PoseRequest<'_>, _), &AppliedLoads)| {
         deformer.apply(applied);
-        let result = surface_result(asked, all, standing, body, &mut deformer);
+        let result = surface_result(asked, all, standing, body, &mut deformer)
+            .map_err(|why| {
+                missed.push(MissedPose { pose: asked.pose.to_owned(), body: name.to_owned(), why });
+            })
+            .ok()?;
         let stress = stressed.as_ref().map(|stressed| {
             let nodes = stressed.stress(&deformer);
             StressResult { reached: stressed.reached(&nodes), nodes }
@@ -243,36 +247,36 @@ fn surface_results(
             lead(asked, all, None, &mut deformer);
             deformer.evaluate(&asked.control);
         }
-        PoseResult { stress, told, ..result }
+        Some(PoseResult { stress, told, ..result })
     };
-    let found = own.iter().zip(before).zip(&applied).map(result).collect();
+    let found = own.iter().zip(before).zip(&applied).filter_map(result).collect();
     Ok((geometry, found))
 }
 
+/// The body in a pose; the error says that the model has no state there.
 fn surface_result(
     asked: &PoseRequest<'_>,
     all: &[PoseRequest<'_>],
     standing: Option<&PoseRequest<'_>>,
     scene_body: &Body,
     body: &mut Deformer,
-) -> PoseResult {
+) -> Result<PoseResult, String> {
     lead(asked, all, standing, body);
     if body.evaluate(&asked.control).is_some() && body.state.rotation_undefined {
-        notice!(
-            "warning: {}: the model \"{}\" finds no equilibrium, and the result is that of an earlier pose. \
-             Take model = \"stvk\" for this pose",
+        return Err(format!(
+            "{}: the model \"{}\" has no result for this pose: take model = \"stvk\" for it",
             asked.place(),
             body.entry.name
-        );
+        ));
     }
-    PoseResult {
+    Ok(PoseResult {
         pose: asked.pose.to_owned(),
         body: body.body.clone(),
         displacement: (0..body.node_count()).map(|i| body.displacement(i)).collect(),
         wrenches: body.wrenches().map(|found| control_forces(scene_body, found)),
         stress: None,
         told: PoseFacts::default(),
-    }
+    })
 }
 
 fn volume_results(

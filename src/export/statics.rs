@@ -90,7 +90,7 @@ pub fn solve(
                 let details = error.details().filter(|_| is_verbose()).map(|details| format!(". {details}"));
                 settled.push(Err(format!("{place}: {error}{}", details.unwrap_or_default())));
             }
-            Err(error @ StaticsError::Loose { .. }) => {
+            Err(error @ (StaticsError::Loose { .. } | StaticsError::StillTurning { .. })) => {
                 add_none(&mut table, pose.asked.pose);
                 settled.push(Err(format!("{place}: {error}")));
             }

@@ -3,6 +3,7 @@
 use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, MovedErrors};
 use crate::effect::expected::{CHANGED, unmeasurable};
 use crate::effect::{Resolved, name_of};
+use crate::fem::TET10;
 use crate::scene::Method;
 
 /// The place where measured errors were looked for.
@@ -21,7 +22,8 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom
         return "solve again with refine = 1, and compare".to_owned();
     }
     if resolved.model.law().is_some() {
-        return "none by the model; for the mesh's part solve again with element = \"tet10\"".to_owned();
+        let finer = if *body.element == TET10 { "refine = 1" } else { "element = \"tet10\"" };
+        return format!("none by the model; for the mesh's part solve again with {finer}, and compare");
     }
     if body.is_updated() {
         return CHANGED.to_owned();

@@ -3,7 +3,7 @@
 //! In: the [`Newton`] problem and an equilibrium with the factor of its tangent. Out: the next equilibrium with its own. K(u) d = -f(u)
 //! is solved with the tangent of each state until the steps are short, then with the last factor, as long as each step lowers the energy
 //! as predicted. Each d is shortened until the energy falls (Nocedal and Wright, Numerical Optimization, 2nd ed., algorithm 3.2). Tangents
-//! must be positive definite; the last one is that of a state within 0.1 % of the displacement of the equilibrium.
+//! must be positive definite; where the last one is not that of the equilibrium, its softest motion is looked at there.
 
 use super::error::SolveError;
 use super::factored::Factored;
@@ -32,6 +32,8 @@ const NEARBY: f64 = 0.05;
 /// with it is shorter by this part, since it does not square the error.
 const SAME: f64 = 1e-3;
 const SHORTER: f64 = 1e-4;
+/// Steps of inverse iteration to the softest motion.
+const INVERSE_STEPS: usize = 3;
 /// What is first added to a tangent that is not positive definite: a part of the resting body's diagonal, or of its least eigenvalue.
 const LEAST_SHIFT: f64 = 1e-3;
 const LEAST_SHIFT_FAR: f64 = 0.25;
@@ -189,8 +191,7 @@ impl<'a> Newton<'a> {
         Err(IterationEnd::Setback(Setback::Slow))
     }
 
-    /// Newton's iteration downhill with at most `most` positive definite tangents; with a measure, what is found is stable, and states on the way need
-    /// not be.
+    /// Newton's iteration downhill with at most `most` positive definite tangents; with a measure, states on the way need not be stable.
     fn iterate(
         &self,
         search: Search<'_, 'a>,
@@ -231,11 +232,39 @@ impl<'a> Newton<'a> {
             None if descent.shift > 0.0 => Err(IterationEnd::Setback(Setback::Unstable)),
             None => {
                 found.map_err(IterationEnd::Setback)?;
-                let Descent { own, now, .. } = descent;
+                let Descent { own, now, since, search: Search { share, .. }, .. } = descent;
                 let own = own.ok_or(IterationEnd::Setback(Setback::Unstable))?;
-                Ok((Point { u: now.state.u, q: now.q }, own))
+                let point = Point { u: now.state.u, q: now.q };
+                if since > 0.0 && !self.is_stable_beside(&own, &point, share)? {
+                    return Err(IterationEnd::Setback(Setback::Unstable));
+                }
+                Ok((point, own))
             }
         }
+    }
+
+    /// Whether the tangent at `point` is positive definite along the softest motion of the one of a state nearby: that motion alone may
+    /// have lost its stiffness on so short a way. It is found by inverse iteration, and its curvature is Rayleigh's quotient.
+    fn is_stable_beside(&self, made: &Factored<'_>, point: &Point, share: f64) -> Result<bool, IterationEnd> {
+        let (body, forces) = (self.body_at(share)?, self.forces_at(share));
+        let gradients = body.gradients(&point.u);
+        let net = self.settler(&body, forces.as_ref()).net_forces(&gradients);
+        let border = self.imbalance(share, &point.q, &net).border;
+        let tangent = made.tangent(self.partition, &border)?;
+        let mut free = NodeFields::zeros(self.partition.free.len(), 1);
+        free.data.iter_mut().enumerate().for_each(|(i, x)| *x = (1.7 * i as f64).sin() + 0.3);
+        let mut pushes = DMatrix::zeros(border.count(), 1);
+        for _ in 0..INVERSE_STEPS {
+            let (d, dq) = tangent.solve(&free, &pushes)?;
+            let size = d.norms()[0];
+            free = d.at(&self.partition.free);
+            free.data.iter_mut().for_each(|x| *x /= size);
+            pushes = dq / size;
+        }
+        let (d, dq) = tangent.solve(&free, &pushes)?;
+        let mut force = NodeFields::zeros(point.u.nodes, 1);
+        body.tangent(&gradients).multiply(&d, &mut force);
+        Ok(d.dots(&force)[0] + dq.dot(&(&border.curvature * &dq)) > 0.0)
     }
 
     /// The stable state to which the energy falls from `point`, whose controlled nodes stand where they are at `share`, however far;

@@ -146,7 +146,7 @@ const PRESSED: f64 = 0.8;
 fn remedy(why: Setback, critical: &Option<Box<CriticalPose>>, law: &Law, least_det: f64) -> &'static str {
     match critical {
         Some(critical) if critical.is_critical && least_det > PRESSED => {
-            "Turn or shear less, thicken the wall, or lead the body round this pose (`after`)"
+            "Move or load it less, make it thicker, or lead it round this pose (`after`)"
         }
         None if why == Setback::Slow => {
             "Look for slivers and large contrasts of stiffness (`greenstage check`)"

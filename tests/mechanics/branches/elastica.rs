@@ -2,8 +2,11 @@
 
 use super::{bar, bending_stiffness};
 use greenstage::deform::{Branch, ControlPose, EquilibriumResult, Freedom, Statics};
+use greenstage::fem::STVK;
+use greenstage::scene::Scene;
 use greenstage::solve::Silent;
 use nalgebra::Vector3;
+use std::path::Path;
 use std::time::Instant;
 
 /// ∫₀^φ (1 - k² sin² t)^power dt: F of power -½, E of power ½. Simpson's rule.
@@ -159,4 +162,34 @@ fn a_buckled_column_has_its_mirror_image_beside_it() {
     assert!(apart > 0.2 && off < 1e-3 * apart, "{off} of {apart}");
     assert!((other.energy / found.energy - 1.0).abs() < 1e-3 && other.stability.branch == Branch::Stable);
     assert!(statics.solve_near_some(&[], &[], &vec![ControlPose::REST; 2]).unwrap().unwrap().energy < 1e-12);
+}
+
+/// A square column, 10 : 1, that a single load step takes beyond the pose in which it buckles: what is found is the state to which small
+/// steps lead, not the straight one, which is in balance there too but not stable.
+#[test]
+fn a_column_that_is_pressed_at_once_buckles_as_one_that_is_led_there() {
+    let keys = "generate = { block = { size = [0.2, 0.02, 0.02], cells = [16, 2, 2] } }\nelement = \"tet4\"\n\
+                material = { young = 1.0e9, poisson = 0.3 }\n\
+                control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+    let scene = Scene::parse(&format!("[body.b]\n{keys}"), Path::new("column.toml")).unwrap();
+    let pressed = |by: &[f64]| {
+        let mut statics = Statics::new(&scene, "b", &STVK, &Silent).unwrap();
+        statics.judge_stability();
+        let pose = |x: &f64| ControlPose { translation: Vector3::x() * -x, ..ControlPose::REST };
+        let states = by.iter().map(|x| statics.solve(&vec![ControlPose::REST, pose(x)], &Silent).unwrap());
+        states.last().unwrap()
+    };
+    let straight = pressed(&[9.8e-3]);
+    assert!(straight.stability.branch == Branch::Stable && straight.stability.least.unwrap().0 > 0.0);
+    for by in [1e-2, 1.02e-2, 1.2e-2, 2e-2] {
+        let at_once = pressed(&[by]);
+        let led = pressed(&[9e-3, 9.8e-3, 0.5 * (9.8e-3 + by), by]);
+        assert!(
+            at_once.stability.branch == Branch::Buckled && led.stability.branch == Branch::Buckled,
+            "{by}"
+        );
+        assert!(at_once.stability.least.unwrap().0 > 0.0, "{by}");
+        assert!((at_once.energy / led.energy - 1.0).abs() < 1e-6, "{by}: {} {}", at_once.energy, led.energy);
+    }
 }
