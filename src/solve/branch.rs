@@ -117,7 +117,10 @@ impl Newton<'_> {
                 Err(IterationEnd::Solve(error)) => return Err(NewtonError::Solve(error)),
                 Err(IterationEnd::Setback(why)) => {
                     failed = target;
-                    step = 0.5 * (target - share);
+                    step *= 0.5;
+                    while step >= target - share {
+                        step *= 0.5;
+                    }
                     counts.halved += 1;
                     if step >= SHORTEST_STEP {
                         continue;

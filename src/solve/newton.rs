@@ -23,6 +23,9 @@ pub(super) const SHORTEST_STEP: f64 = 1.0 / 4096.0;
 /// A least eigenvalue below this part of that at rest is on its way to zero, as is one that comes to zero within this share of the way.
 const CRITICAL: f64 = 0.2;
 const NEAR: f64 = 2.0 * SHORTEST_STEP;
+/// A least eigenvalue below this part of that at rest is too near to zero to judge the mode by: the least imperfection of the mesh then
+/// drives the body along it, and its twin is many times stiffer.
+const TOO_NEAR: f64 = 1e-4;
 /// How far back on the way the equilibrium is that the least eigenvalue is compared with.
 const BEFORE: f64 = 16.0 * SHORTEST_STEP;
 
@@ -286,26 +289,30 @@ impl<'a> Newton<'a> {
         trail: &[(f64, Point)],
         path: &Path<'_>,
     ) -> Result<Stability, IterationEnd> {
-        let least = |point: &Point, share: f64| -> Result<f64, IterationEnd> {
-            Ok(self.modes(point, share, EXACT)?.0[0])
-        };
-        let ahead = |k: &StiffnessMatrix, tangent: &Tangent<'_>| {
-            let (free, pushes, moved) = self.drift(point, share, SHORTEST_STEP, k, path)?;
-            let (d, _) = tangent.solve(&free, &pushes)?;
-            let (values, mode) = tangent.least_modes(EXACT)?;
-            Ok((values, mode, sum(&d, 1.0, &moved)))
-        };
-        let (values, mode, ahead) = self.with_tangent(point, share, ahead)?;
         // The way of the free nodes alone: the controlled ones go where they are led.
         let of = |fields: &NodeFields| fields.at(&self.partition.free);
-        let driven = of(&mode).dots(&of(&ahead))[0].abs() / of(&ahead).norms()[0].max(f64::MIN_POSITIVE);
-        let rest = least(&self.start(NodeFields::zeros(point.u.nodes, 1)), 0.0)?;
+        let judged = |point: &Point, share: f64| {
+            let (values, mode, ahead) = self.with_tangent(point, share, |k, tangent| {
+                let (free, pushes, moved) = self.drift(point, share, SHORTEST_STEP, k, path)?;
+                let (d, _) = tangent.solve(&free, &pushes)?;
+                let (values, mode) = tangent.least_modes(EXACT)?;
+                Ok((values, mode, sum(&d, 1.0, &moved)))
+            })?;
+            let driven = of(&mode).dots(&of(&ahead))[0].abs() / of(&ahead).norms()[0].max(f64::MIN_POSITIVE);
+            Ok::<_, IterationEnd>((values, mode, driven))
+        };
+        let (values, mode, driven) = judged(point, share)?;
+        let rest = self.modes(&self.start(NodeFields::zeros(point.u.nodes, 1)), 0.0, EXACT)?.0[0];
         let (part, modes) = (values[0] / rest, twins(&values));
         let mut stability =
             Stability { least: part, at_rest: rest, zero_at: None, is_critical: false, mode, modes, driven };
         let earlier = trail.iter().rev().find(|(at, _)| share - at >= BEFORE).or(trail.first());
         if let Some((at, point)) = earlier {
-            stability.zero_at = zero_at((*at, least(point, *at)?), (share, values[0]), stability.snaps());
+            let (before, mode, driven) = judged(point, *at)?;
+            if part < TOO_NEAR {
+                stability = Stability { modes: twins(&before), mode, driven, ..stability };
+            }
+            stability.zero_at = zero_at((*at, before[0]), (share, values[0]), stability.snaps());
         }
         let is_near = |zero: f64| part < CRITICAL || zero - share < NEAR;
         stability.is_critical = stability.zero_at.is_some_and(is_near);
