@@ -98,8 +98,8 @@ impl ModelReach {
             some => format!("; {} more have tetrahedra inside out", count(some, "state")),
         };
         format!(
-            "forces within {} of those of its mesh; {good} of {all} equilibria of this body are within {} ({} of the {all} did not serve to make the \
-             model){inverted}",
+            "forces within {}, against {all} equilibria of the same mesh: {good} are within {}, and {} of all did not serve to make \
+             the model{inverted}",
             parts.join(", "),
             part_text(GOOD),
             self.states.iter().filter(|state| state.is_held_out).count()

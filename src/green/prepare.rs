@@ -6,7 +6,7 @@ use super::error::GreenError;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::Lame;
 use crate::mesh::{LoadedMesh, TetMesh, quality};
-use crate::scene::{Body, Material, Method, Nodes, Scene, SceneError};
+use crate::scene::{Body, Material, Nodes, Scene, SceneError};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A body before anything is assembled.
@@ -40,9 +40,7 @@ pub fn prepare_mesh(scene: &Scene, name: &str, loaded: LoadedMesh) -> Result<Pre
     findings.extend(check::mesh(&entity, &mesh, &body.material));
     findings.extend(check::support(&entity, &mesh, &controls));
     findings.extend(check::materials(&entity, body, &mesh, &controls, &lame));
-    if body.method == Method::Bem {
-        findings.extend(check::walls(&entity, &mesh));
-    }
+    findings.extend(check::walls(&entity, body, &mesh));
     findings.sort_by_key(|finding| finding.severity);
     Ok(Prepared { mesh, controls, lame, findings })
 }

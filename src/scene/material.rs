@@ -22,6 +22,11 @@ const STIFF: f64 = 1e9;
 const HEAVY: f64 = 2000.0;
 const SOFT: f64 = 1e6;
 
+/// A modulus below this, Pa, belongs to nothing that keeps its shape; 1 is left to bodies without units.
+const SOFTEST: f64 = 0.1;
+/// Densities that look like g/cm³, kg/m³.
+const GRAMS: std::ops::RangeInclusive<f64> = 0.5..=25.0;
+
 /// Permitted Young's moduli, Pa: from far below any jelly to far above diamond.
 const YOUNG: std::ops::RangeInclusive<f64> = 1e-12..=1e24;
 
@@ -93,6 +98,17 @@ impl Material {
             return Some((Severity::Note, message));
         }
         let warn = |message: String| Some((Severity::Warning, message));
+        if young < SOFTEST {
+            return warn(format!(
+                "Young's modulus {modulus} is softer than anything that keeps its shape. Moduli are in Pa"
+            ));
+        }
+        if let Some(density) = density.filter(|density| GRAMS.contains(density) && young > SOFT) {
+            return warn(format!(
+                "{density} kg/m³ is as light as a foam, but Young's modulus is {modulus}. If {density} g/cm³ is meant, write {}",
+                1e3 * density
+            ));
+        }
         let is_like = |entry: &&LibraryMaterial| match known {
             Some(known) => known == *entry,
             None => entry.young > STIFF && (entry.poisson - poisson).abs() < 0.03,
@@ -210,6 +226,8 @@ mod tests {
             "name = \"rubber\"\nyoung = 2.0e9",
             "young = 210.0\npoisson = 0.3",
             "young = 5.0e4\npoisson = 0.4\ndensity = 8900.0",
+            "young = 1.0e-3\npoisson = 0.3",
+            "young = 2.1e11\npoisson = 0.3\ndensity = 7.85",
         ] {
             let (_, said) = material(written).doubt().unwrap_or_else(|| panic!("{written} passes"));
             assert!(said.len() < 160, "{said}");
@@ -228,6 +246,8 @@ mod tests {
             "name = \"steel\"\nyoung = 193.0e9",
             "young = 2.5e4\npoisson = 0.49\ndensity = 1100.0",
             "young = 600.0\npoisson = 0.3",
+            "young = 1.0\npoisson = 0.3\ndensity = 1.0",
+            "young = 3.0e5\npoisson = 0.3\ndensity = 20.0",
         ] {
             assert_eq!(material(written).doubt(), None, "{written}");
         }

@@ -124,21 +124,22 @@ fn words(
 ) -> Option<String> {
     let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
     let held = format!("the model {name} holds up to {most:.0}°");
+    let strained = (strain > MOST_STRAIN).then(|| {
+        let (strain, off) = (100.0 * strain, 100.0 * ERROR * strain);
+        format!("strained by {strain:.0} %: force and shape may be {off:.0} % off{advice}")
+    });
     match limits.verdict(turn) {
-        Verdict::Good | Verdict::Fair => match doubt {
-            Some(doubt) => Some(doubt.explain().to_owned()),
-            None if strain > MOST_STRAIN => Some(format!(
-                "strained by {:.0} %: force and shape may be {:.0} % off{advice}",
-                100.0 * strain,
-                100.0 * ERROR * strain
-            )),
-            None => None,
-        },
+        Verdict::Good | Verdict::Fair => doubt.map(|doubt| doubt.explain().to_owned()).or(strained),
         Verdict::Beyond => Some(format!("turned {:.1} times round; {held}", turn / (2.0 * PI))),
         Verdict::NotMeasured => {
             Some(format!("turned by {turned:.0}°; its error was measured up to {most:.0}°"))
         }
-        Verdict::Poor => Some(format!("turned by {turned:.0}°; {held}")),
+        Verdict::Poor => {
+            // A turn that differs from the limit by less than the whole degrees show.
+            let digits = usize::from(turned.round() == most.round());
+            let strained = strained.map_or_else(String::new, |strained| format!("; {strained}"));
+            Some(format!("turned by {turned:.digits$}°; {held}{strained}"))
+        }
     }
 }
 
@@ -160,6 +161,12 @@ mod tests {
         assert_eq!(strained.as_deref(), Some("strained by 20 %: force and shape may be 40 % off; advice"));
         let holds = "; the model rotation holds up to 45°";
         assert_eq!(told(51.0, table), Some(format!("turned by 51°{holds}")));
+        assert_eq!(told(45.2, table), Some(format!("turned by 45.2°{holds}")));
+        let both = words((1.0, table), (0.2, ""), None, &ROTATION);
+        assert_eq!(
+            both,
+            Some(format!("turned by 57°{holds}; strained by 20 %: force and shape may be 40 % off"))
+        );
         assert_eq!(told(720.0, table), Some(format!("turned 2.0 times round{holds}")));
         let error = "turned by 51°; its error was measured up to 40°";
         assert_eq!(told(51.0, measured).as_deref(), Some(error));

@@ -3,12 +3,14 @@
 use crate::common::scene;
 use greenstage::deform::{ControlPose, Statics};
 use greenstage::fem::{
-    ELEMENTS, Element, Hyperelastic, LAWS, Lame, NEO_HOOKEAN, NodeFields, Partition, StiffnessMatrix, TET4,
-    TET4_ANP, TET10,
+    ELEMENTS, Element, Hyperelastic, LAWS, Lame, NEO_HOOKEAN, NodeFields, Partition, STVK, StiffnessMatrix,
+    TET4, TET4_ANP, TET10,
 };
 use greenstage::mesh::{Block, TetMesh, block, quadratic};
+use greenstage::scene::Scene;
 use greenstage::solve::{LinearSolver, Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use std::path::Path;
 
 /// A block bent into a sector of a ring without stretching along z: R. S. Rivlin, Large elastic deformations of isotropic
 /// materials VI, Phil. Trans. R. Soc. A 242, 1949, 173-195, for the incompressible neo-Hookean material.
@@ -214,4 +216,40 @@ fn every_law_bends_with_every_element_as_the_manual_says() {
     }
     assert!(missing.is_empty(), "the manual lacks {missing:#?}");
     assert_eq!(ELEMENTS.len(), 3, "an element has no column");
+}
+
+/// A plate clamped at both ends, of which one is moved aside: `greenstage check` says by how much its linear tetrahedra are too stiff, and
+/// says nothing of thicker plates and of `tet10`.
+#[test]
+fn the_stiffness_of_thin_walls_is_what_the_check_says() {
+    let scene = |thickness: f64, element: &str| {
+        let text = format!(
+            "[body.b]\nelement = \"{element}\"\nmaterial = {{ young = 1.0e9, poisson = 0.3 }}\n\
+             generate = {{ block = {{ size = [1.0, 0.2, {thickness}], cells = [10, 2, 2] }} }}\n\
+             control.a = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+             control.b = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
+        );
+        Scene::parse(&text, Path::new("plate.toml")).unwrap()
+    };
+    let said = |scene: &Scene| -> Vec<String> {
+        let found = greenstage::green::prepare(scene, "b").unwrap().findings;
+        found.into_iter().map(|finding| finding.message).filter(|text| text.starts_with("walls")).collect()
+    };
+    let force = |scene: &Scene| {
+        let mut statics = Statics::new(scene, "b", &STVK, &Silent).unwrap();
+        let aside = ControlPose { translation: Vector3::z() * 1e-7, ..ControlPose::REST };
+        statics.solve(&vec![ControlPose::REST, aside], &Silent).unwrap().wrenches[1].force.z
+    };
+    for (thickness, told) in [(0.02, 19.0), (0.01, 73.0)] {
+        let linear = scene(thickness, "tet4");
+        let factor = force(&linear) / force(&scene(thickness, "tet10"));
+        println!("{thickness} m: {factor:.1} times too stiff");
+        assert!((factor / told - 1.0).abs() < 0.1, "{factor}");
+        assert!(
+            said(&linear)[0].contains(&format!("bend about {told:.1} times too stiffly")),
+            "{:?}",
+            said(&linear)
+        );
+    }
+    assert!(said(&scene(0.05, "tet4")).is_empty() && said(&scene(0.01, "tet10")).is_empty());
 }
