@@ -9,8 +9,7 @@ use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::fem::{Element, Lame};
 use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::length_unit::implausible;
-use crate::mesh::surface_body;
-use crate::mesh::walls::{ThinWalls, thin_walls};
+use crate::mesh::walls::{FEW, ThinWalls, thin_walls, walls_too_thin};
 use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Material, Method, Scene};
 use indexmap::IndexMap;
@@ -81,11 +80,11 @@ pub fn support(entity: &str, mesh: &TetMesh, controls: &[ControlElement]) -> Vec
 /// `tet10`).
 pub fn walls(entity: &str, body: &Body, mesh: &TetMesh) -> Option<Diagnostic> {
     let (found, too_stiff) = match body.method {
-        Method::Bem => (thin_walls(mesh, 2.0), 1.0 / 18.0),
-        Method::Fem if body.element.order == 1 => (thin_walls(&surface_body::of_tetrahedra(mesh), 3.0), 0.36),
+        Method::Bem => (thin_walls(mesh, 2.0).filter(|walls| walls.share > FEW), 1.0 / 18.0),
+        Method::Fem if body.element.order == 1 => (walls_too_thin(mesh), 0.36),
         Method::Fem => return None,
     };
-    let ThinWalls { share, edge, thickness } = found.filter(|walls| walls.share > 0.1)?;
+    let ThinWalls { share, edge, thickness } = found?;
     let [thin, long] = [thickness, edge].map(digits);
     let advice = match body.method {
         Method::Bem => format!("Write longest_edge = {thin}, or fill the body (no method) with tet10"),

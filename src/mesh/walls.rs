@@ -4,6 +4,7 @@
 //! triangles on them; the thickness of the thinnest walls.
 
 use super::quality::bounding_box;
+use super::surface_body;
 use super::surface_files::TriangleSurface;
 use super::tet_mesh::TetMesh;
 use glamx::Vec3;
@@ -20,6 +21,16 @@ pub struct ThinWalls {
     /// The longest edges of their triangles and the thickness below, m: both where half of their area has a smaller quotient.
     pub edge: f64,
     pub thickness: f64,
+}
+
+/// Part of the surface below which thin walls do not count.
+pub const FEW: f64 = 0.1;
+/// Edges of linear tetrahedra, in thicknesses of the wall, from which on they bend it more than four times too stiffly.
+const TOO_LONG: f64 = 3.0;
+
+/// Walls of a body of tetrahedra that linear ones bend too stiffly.
+pub fn walls_too_thin(mesh: &TetMesh) -> Option<ThinWalls> {
+    thin_walls(&surface_body::of_tetrahedra(mesh), TOO_LONG).filter(|walls| walls.share > FEW)
 }
 
 struct Facet {
@@ -131,7 +142,7 @@ pub fn wall_thickness(surface: &TriangleSurface, share: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Block, Surface, block, surface_body};
+    use crate::mesh::{Block, Surface, block};
 
     #[test]
     fn the_thinnest_wall_of_a_block_is_its_shortest_side() {

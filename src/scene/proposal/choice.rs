@@ -8,6 +8,7 @@ use super::telling::Explanations;
 use super::wishes::Wishes;
 use crate::base::table::duration;
 use crate::fem::{Element, TET4, TET4_ANP, TET10};
+use crate::mesh::walls::walls_too_thin;
 use crate::mesh::{TetMesh, quality};
 
 /// Element, model and effects of a body.
@@ -85,7 +86,8 @@ pub fn choose(
     let volume: f64 = (0..mesh.tets.len()).map(|tet| quality::signed_volume(&mesh.corners(tet))).sum();
     let length = ends::length(mesh);
     let slender = length / (volume / length).sqrt();
-    let takes_edges = is_incompressible || asks_forces && !is_large;
+    let is_thin = walls_too_thin(mesh).is_some();
+    let takes_edges = is_incompressible || (asks_forces || is_thin) && !is_large;
     let of_reduced = if takes_edges { UNKNOWNS / 3 * nodes } else { nodes };
     let of_two = (controls == 2).then(|| of_two_ends(mesh, of_reduced)).flatten();
     // A rod needs its control elements at its ends, and an element that does not lock.
@@ -143,7 +145,7 @@ pub fn choose(
     };
     let element = match wishes.is_cut {
         true => of_cut(telling, material),
-        false => element_of(model, is_incompressible, asks_forces, is_large),
+        false => element_of(model, is_incompressible, asks_forces || is_thin, is_large),
     };
     if element == &TET4_ANP {
         telling.comment(&key("element"), "does not lock at a Poisson's ratio near 1/2");
@@ -190,14 +192,14 @@ fn of_cut(telling: &mut Explanations, material: &Material) -> &'static Element {
     &TET4
 }
 
-/// The element that suits a model.
-fn element_of(model: &str, is_incompressible: bool, asks_forces: bool, is_large: bool) -> &'static Element {
+/// The element that suits a model; `is_exact` where forces are asked for, or walls are too thin for linear tetrahedra.
+fn element_of(model: &str, is_incompressible: bool, is_exact: bool, is_large: bool) -> &'static Element {
     match model {
         "substructured" => &TET4,
         // Solved for every pose: tet10 would take minutes.
         "neo_hookean" | "stvk" | "corotational" if !is_incompressible => &TET4,
         "neo_hookean" | "stvk" | "corotational" => &TET4_ANP,
-        _ if asks_forces && !is_large => &TET10,
+        _ if is_exact && !is_large => &TET10,
         // Linear tetrahedra are too stiff in a slender rod's bend.
         "rod" if !is_large => &TET10,
         // Their energy is a quartic form, which that of tet4_anp is not.

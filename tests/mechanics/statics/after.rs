@@ -65,7 +65,7 @@ fn deform_adds_up_the_turns_of_poses_that_go_on_from_each_other() {
     let mut poses = String::new();
     for body in ["b", "online"] {
         for (name, after, degrees) in
-            [("third", "", 120.0), ("two", "third", 240.0), ("whole", "two", 360.0), ("rest", "", 360.0)]
+            [("third", "", 120.0), ("two", "third", 240.0), ("whole", "two", 350.0), ("rest", "", 360.0)]
         {
             let (sine, cosine) = f64::to_radians(degrees).sin_cos();
             let after = if after.is_empty() { String::new() } else { format!("after = \"{after}\"\n") };
@@ -85,9 +85,9 @@ fn deform_adds_up_the_turns_of_poses_that_go_on_from_each_other() {
         line.split(',').next_back().unwrap().parse().unwrap()
     };
     let (third, whole) = (energy("third/b"), energy("whole/b"));
-    assert!((whole / third - 9.0).abs() < 0.9 && energy("rest/b") < 1e-20 * whole, "{forces}");
+    assert!((whole / third - 8.5).abs() < 0.85 && energy("rest/b") < 1e-20 * whole, "{forces}");
 
-    // With the model `rotation`, the middle of the body turns by half: back to front after a whole turn.
+    // With the model `rotation`, the middle of the body turns by half: back to front after nearly a whole turn.
     let moved = std::fs::read_to_string(place.join("out.csv")).unwrap();
     let largest = |of: &str| {
         let rows = moved.lines().filter(|line| line.starts_with(of));
