@@ -97,18 +97,19 @@ impl Material {
             );
             return Some((Severity::Note, message));
         }
-        let warn = |message: String| Some((Severity::Warning, message));
+        let note = |message: String| Some((Severity::Note, message));
         if young < SOFTEST {
-            return warn(format!(
+            return note(format!(
                 "Young's modulus {modulus} is softer than anything that keeps its shape. Moduli are in Pa"
             ));
         }
         if let Some(density) = density.filter(|density| GRAMS.contains(density) && young > SOFT) {
-            return warn(format!(
+            return note(format!(
                 "{density} kg/m³ is as light as a foam, but Young's modulus is {modulus}. If {density} g/cm³ is meant, write {}",
                 1e3 * density
             ));
         }
+        let warn = |message: String| Some((Severity::Warning, message));
         let is_like = |entry: &&LibraryMaterial| match known {
             Some(known) => known == *entry,
             None => entry.young > STIFF && (entry.poisson - poisson).abs() < 0.03,

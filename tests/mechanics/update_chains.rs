@@ -3,7 +3,7 @@
 //! `GREENSTAGE_UPDATE_CHAINS=10000 cargo test --test mechanics chains_of_updates -- --nocapture` makes that many chains; the
 //! suite makes a few.
 
-use greenstage::base::diagnostic::Severity;
+use greenstage::base::diagnostic::{Diagnostic, Severity};
 use greenstage::base::progress::Progress;
 use greenstage::base::random::Random;
 use greenstage::green::{
@@ -249,7 +249,9 @@ fn chains_of_updates_say_what_differs_from_a_fresh_precomputation() {
                 let is_anew = notices.iter().any(|notice| notice.message.contains("solved anew"));
                 // With a compliance of the surface, every change of a modulus is.
                 anew += usize::from(is_anew && family.is_none());
-                if notices.iter().any(|notice| notice.severity < Severity::Note) {
+                // Walls that bend too stiffly are as wrong in both.
+                let is_of_numbers = |notice: &&Diagnostic| !notice.message.starts_with("walls ");
+                if notices.iter().filter(is_of_numbers).any(|notice| notice.severity < Severity::Note) {
                     warned += 1;
                     continue;
                 }

@@ -182,7 +182,7 @@ fn compute(
     let model = if law.name == STVK.name { REDUCED.name } else { REDUCED_NEO_HOOKEAN.name };
     expect(&format!("the fields of the model \"{model}\""), series)?;
     let equilibria = equilibria((law, model), assembled, solution, progress)?;
-    // Of too large a body none were sought.
+    // A body of which none are sought is refused by `suits_neo_hookean`.
     if law.name != STVK.name && equilibria.is_none() && !assembled.partition.free.is_empty() {
         return Err(GreenError::NoneFound { body: assembled.place.to_owned(), model });
     }
