@@ -51,7 +51,7 @@ pub enum SolveError {
     )]
     Mode { mode: usize, hertz: f64, residual: f64, limit: f64 },
     #[error("the body cannot be warmed to {stretch:.3} times its length at rest: {source}. Warm it less")]
-    Warmth { stretch: f64, source: AssemblyError },
+    Warmth { stretch: f64, source: Box<AssemblyError> },
     #[error("the pushed control elements can move without a force: hold one of their free directions")]
     Loose,
     #[error("{figure} is {value:.1e}, above {}: the solution is not to be trusted; {remedy}", ERROR_LIMITS[1])]

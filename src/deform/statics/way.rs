@@ -77,7 +77,7 @@ pub(super) fn warmed(
     stretch: f64,
 ) -> Result<Arc<Hyperelastic>, SolveError> {
     let body = Hyperelastic::stretched(element, law, mesh, lame, stretch);
-    body.map(Arc::new).map_err(|source| SolveError::Warmth { stretch, source })
+    body.map(Arc::new).map_err(|source| SolveError::Warmth { stretch, source: Box::new(source) })
 }
 
 impl BodyWay<'_> {

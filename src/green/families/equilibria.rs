@@ -171,7 +171,7 @@ pub fn equilibria(
     // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of two tangents: K, A and factor.
     let fields = 4.0 * 24.0 * (usual * solution.mesh.nodes.len()) as f64;
     let tangents = 2.0 * (24.0 * assembled.k.scalar_entries() as f64 + solver.memory(&a, 1));
-    machine::expect(&format!("the equilibria of the model \"{model}\""), fields + tangents)
+    machine::expect(format!("the equilibria of the model \"{model}\""), fields + tangents)
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     drop(a);
     let newton = Newton {
