@@ -1,4 +1,4 @@
-//! How far the forces of a model hold on one body: the model against the equilibria that the body's file keeps with their wrenches.
+//! Reach of a model's forces on one body: the model against the equilibria that the body's file keeps with their wrenches.
 //!
 //! In: a [`GreenFile`] whose body has the table of equilibria of a reduced model. Out: the error of force and torque in each, and the
 //! worst among those turned up to 30°, 60°, 90° and further, and among those pulled and pressed. Some of the equilibria made no field
@@ -26,9 +26,9 @@ const SHORT: [f64; 2] = [2.5, 36.0];
 /// A model in the equilibria of a body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ModelReach {
-    /// Those without tetrahedra inside out.
+    /// States without tetrahedra inside out.
     pub states: Vec<ComparedState>,
-    /// The others, which no real body has.
+    /// Number of the other states, which no real body has.
     pub inverted: usize,
 }
 

@@ -22,7 +22,10 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom
         return "solve again with refine = 1, and compare".to_owned();
     }
     if resolved.model.law().is_some() {
-        let finer = if *body.element == TET10 { "refine = 1" } else { "element = \"tet10\"" };
+        let finer = match *body.element == TET10 {
+            true => format!("refine = {}", body.refine + 1),
+            false => "element = \"tet10\"".to_owned(),
+        };
         return format!("none by the model; for the mesh's part solve again with {finer}, and compare");
     }
     if body.is_updated() {

@@ -11,7 +11,7 @@ use super::minimise::{Energy, Setback, Step, minimise};
 use super::newton::{Counts, Equilibrium, Imbalance, IterationEnd, Newton, Path, Point};
 use super::pushed::Border;
 use super::settle::{Settler, State, largest, sum};
-use super::stability::ROUGH;
+use super::stability::{ROUGH, scattered};
 use crate::fem::{NodeFields, StiffnessMatrix};
 use nalgebra::{DMatrix, Matrix3};
 
@@ -34,7 +34,7 @@ const SAME: f64 = 1e-3;
 const SHORTER: f64 = 1e-4;
 /// Steps of inverse iteration to the softest motion.
 const INVERSE_STEPS: usize = 3;
-/// What is first added to a tangent that is not positive definite: a part of the resting body's diagonal, or of its least eigenvalue.
+/// The first addition to a tangent that is not positive definite: a part of the resting body's diagonal, or of its least eigenvalue.
 const LEAST_SHIFT: f64 = 1e-3;
 const LEAST_SHIFT_FAR: f64 = 0.25;
 /// Part of one shift with which the next iteration begins, and the least of all.
@@ -251,8 +251,8 @@ impl<'a> Newton<'a> {
         let net = self.settler(&body, forces.as_ref()).net_forces(&gradients);
         let border = self.imbalance(share, &point.q, &net).border;
         let tangent = made.tangent(self.partition, &border)?;
-        let mut free = NodeFields::zeros(self.partition.free.len(), 1);
-        free.data.iter_mut().enumerate().for_each(|(i, x)| *x = (1.7 * i as f64).sin() + 0.3);
+        let nodes = self.partition.free.len();
+        let mut free = NodeFields { nodes, columns: 1, data: scattered(3 * nodes) };
         let mut pushes = DMatrix::zeros(border.count(), 1);
         for _ in 0..INVERSE_STEPS {
             let (d, dq) = tangent.solve(&free, &pushes)?;
@@ -289,7 +289,7 @@ pub(super) struct Search<'a, 's> {
     path: &'a Path<'a>,
     /// Size of the displacements, m.
     size: f64,
-    /// What is added to tangents that are not positive definite on the way; `None`: such a tangent ends the search.
+    /// Addition to tangents that are not positive definite on the way; `None`: such a tangent ends the search.
     measure: Option<Vec<Matrix3<f64>>>,
     /// The tangent of a state nearby, for the first steps.
     before: Option<&'a Factored<'s>>,

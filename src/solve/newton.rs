@@ -26,7 +26,7 @@ const NEAR: f64 = 2.0 * SHORTEST_STEP;
 /// A least eigenvalue below this part of that at rest is too near to zero to judge the mode by: the least imperfection of the mesh then
 /// drives the body along it, and its twin is many times stiffer.
 const TOO_NEAR: f64 = 1e-4;
-/// How far back on the way the equilibrium is that the least eigenvalue is compared with.
+/// Distance on the way back to the equilibrium with which the least eigenvalue is compared.
 const BEFORE: f64 = 16.0 * SHORTEST_STEP;
 
 /// The displacements of the controlled nodes at a share of the way, written into one column over all nodes.
@@ -96,8 +96,8 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Adds the work of an earlier way to the same end.
-    pub fn begin_with(&mut self, earlier: &Counts) {
+    /// Adds the work of another way.
+    pub fn add(&mut self, earlier: &Counts) {
         self.steps += earlier.steps;
         self.halved += earlier.halved;
         self.factorizations += earlier.factorizations;
@@ -141,7 +141,7 @@ impl Deref for AtShare<'_> {
     }
 }
 
-/// What the free nodes and the pushed pieces lack of their balance, and the border of the tangent there.
+/// Forces that the free nodes and the pushed pieces lack of their balance, and the border of the tangent there.
 pub(super) struct Imbalance {
     /// Loads less f at the free nodes.
     pub free: NodeFields,

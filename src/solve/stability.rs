@@ -94,7 +94,7 @@ pub(super) fn zero_at(before: (f64, f64), now: (f64, f64), snaps: bool) -> Optio
 }
 
 /// Numbers between -1 and 1 without a pattern, always the same (Weyl's sequence).
-fn scattered(count: usize) -> Vec<f64> {
+pub(super) fn scattered(count: usize) -> Vec<f64> {
     (1..=count).map(|i| 2.0 * (i as f64 * 0.754_877_666_246_692_7).fract() - 1.0).collect()
 }
 

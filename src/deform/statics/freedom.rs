@@ -59,7 +59,7 @@ fn ordinal(n: usize) -> String {
     format!("{n}{end}")
 }
 
-/// What is wrong where no force resists a motion of a control element.
+/// Names a control element with a motion that no force resists, and the remedy.
 pub(super) fn loose(element: usize, component: &str) -> String {
     format!(
         "the {} control element of the scene can move in {component} without a force: take that out of its free directions, or \

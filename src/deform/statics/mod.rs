@@ -507,7 +507,7 @@ impl Statics {
             let (passed, counts) = (settled.stability.passed, settled.counts);
             (settled, held) = self.go_once("the same pose", &stays, &held, &poses, &shift, &Silent)?;
             settled.stability.passed.splice(0..0, passed);
-            settled.counts.begin_with(&counts);
+            settled.counts.add(&counts);
             turned += 1;
         }
         self.held = Some(held);
