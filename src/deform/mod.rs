@@ -68,4 +68,4 @@ pub use statics::{
 pub use touch_points::{MOST_POINTS, TouchPoint, contact_axes};
 pub use touch_potential::{TouchPotential, TouchResponse};
 pub use trial::{Deviation, Direction, GOOD, Motion, Moved, PoseResult, Trial, Truth, in_session, trials};
-pub use turn::{Reach, local_turn, mean_strain, reach};
+pub use turn::{Reach, law_strain, local_turn, mean_strain, reach};

@@ -1,5 +1,5 @@
 //! Measures of a deformation: how far linear theory is strained, by the largest rotation in the part that it computes and by the
-//! mean of its strain, and how far a body is deformed.
+//! mean of its strain, how far a material law is, and how far a body is deformed.
 
 use super::deformer::Deformer;
 use super::pose::se3::slide_matrix;
@@ -13,15 +13,18 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 /// F = [a' b' n'] [a b n]⁻¹. Linear theory takes the strain of u to be ½(∇u + ∇uᵀ), which leaves out the square of this
 /// angle (Bathe, Finite Element Procedures, section 6.2).
 pub fn local_turn(deformer: &Deformer, most: usize) -> f64 {
-    let triangles = deformer.triangles();
-    let step = triangles.len().div_ceil(most.max(1)).max(1);
     let turn = |triangle: &[u32; 3]| {
         let rest = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
         let moved = [0, 1, 2].map(|k| rest[k] + deformer.linear_part(triangle[k] as usize));
         let gradient = frame(&moved)? * frame(&rest)?.try_inverse()?;
         gradient.iter().all(|x| x.is_finite()).then(|| nearest_turn(&gradient).angle())
     };
-    triangles.iter().step_by(step).filter_map(turn).fold(0.0, f64::max)
+    sample(deformer.triangles(), most).filter_map(turn).fold(0.0, f64::max)
+}
+
+/// A sample of at most `most` triangles, spread over the surface.
+fn sample(triangles: &[[u32; 3]], most: usize) -> impl Iterator<Item = &[u32; 3]> {
+    triangles.iter().step_by(triangles.len().div_ceil(most.max(1)).max(1))
 }
 
 /// The mean strain of the surface by u alone as linear theory has it, weighed by its own square, which is the strain energy per
@@ -30,28 +33,69 @@ pub fn local_turn(deformer: &Deformer, most: usize) -> f64 {
 /// With D the gradient of u in a triangle's plane, 2 E_ab = e_a·D_b + e_b·D_a, A its area and ε the larger of |E₁|, |E₂|,
 /// it is Σ A (E:E) ε / Σ A (E:E): ε itself of a bar that is pulled, 3/4 of the outermost fibre's of one that is bent.
 pub fn mean_strain(deformer: &Deformer, most: usize) -> f64 {
-    let triangles = deformer.triangles();
-    let step = triangles.len().div_ceil(most.max(1)).max(1);
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for triangle in triangles.iter().step_by(step) {
-        let corner = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
-        let (a, b) = (corner[1] - corner[0], corner[2] - corner[0]);
-        let normal = a.cross(&b);
-        let Some(first) = a.try_normalize(0.0).filter(|_| normal.norm() > 0.0) else { continue };
-        let second = normal.normalize().cross(&first);
-        let [u, v, w] = triangle.map(|node| deformer.linear_part(node as usize));
-        let along = (v - u) / a.norm();
-        let across = (w - u - along * b.dot(&first)) / b.dot(&second);
+    let of = |triangle: &[u32; 3]| {
+        let corners = triangle.map(|node| Vector3::from(deformer.rest()[node as usize]).cast::<f64>());
+        let Tangents { area, first, second, along, across } =
+            Tangents::new(&corners, &triangle.map(|node| deformer.linear_part(node as usize)))?;
         let (x, y) = (first.dot(&along), second.dot(&across));
         let shear = 0.5 * (first.dot(&across) + second.dot(&along));
         let (mean, half) = (0.5 * (x + y), (0.5 * (x - y)).hypot(shear));
-        let weight = 0.5 * normal.norm() * (x * x + y * y + 2.0 * shear * shear);
-        if weight.is_finite() {
-            sum += weight * (mean.abs() + half);
-            weights += weight;
-        }
-    }
+        let weight = area * (x * x + y * y + 2.0 * shear * shear);
+        Some([weight * (mean.abs() + half), weight])
+    };
+    mean(sample(deformer.triangles(), most).filter_map(of))
+}
+
+/// The strain of a surface by which the energies of material laws differ, weighed by its own square. Looks at `most` triangles at the
+/// most, spread over the surface; `corners` are the places of a triangle's nodes at rest, and their displacements.
+///
+/// With the stretches λ₁, λ₂ in a triangle's plane, ε = λ - 1 and its area A it is Σ A (ε₁³ + ε₂³) / Σ A (ε₁² + ε₂²): nearly ε of a bar
+/// that is pulled, and small of one that is bent or twisted, where fibres are pulled as much as others are pressed. It is the
+/// energy's part of third order against that of second: under St. Venant and Kirchhoff's law and under neo-Hooke's, a bar bears
+/// 1 + 3/2 ε and about 1 - 3/2 ε times what it does by Hooke's.
+pub fn law_strain(triangles: &[[u32; 3]], corners: &dyn Fn(u32) -> [Vector3<f64>; 2], most: usize) -> f64 {
+    let of = |triangle: &[u32; 3]| {
+        let nodes = triangle.map(corners);
+        let Tangents { area, first, second, along, across } =
+            Tangents::new(&nodes.map(|[rest, _]| rest), &nodes.map(|[_, u]| u))?;
+        let (a, b) = (first + along, second + across);
+        let (mean, half) = (
+            0.5 * (a.norm_squared() + b.norm_squared()),
+            (0.5 * (a.norm_squared() - b.norm_squared())).hypot(a.dot(&b)),
+        );
+        let strains = [mean + half, mean - half].map(|square| square.max(0.0).sqrt() - 1.0);
+        Some([3, 2].map(|power| area * strains.iter().map(|strain| strain.powi(power)).sum::<f64>()))
+    };
+    mean(sample(triangles, most).filter_map(of))
+}
+
+/// The sum of the first numbers over that of the second, where both are finite; 0 of none.
+fn mean(of: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let finite = of.filter(|both| both.iter().all(|x| x.is_finite()));
+    let [sum, weights] = finite.fold([0.0; 2], |[sum, weights], [x, weight]| [sum + x, weights + weight]);
     if weights > 0.0 { sum / weights } else { 0.0 }
+}
+
+/// A triangle at rest: its area and two axes in its plane; and the derivatives of u along these.
+struct Tangents {
+    area: f64,
+    first: Vector3<f64>,
+    second: Vector3<f64>,
+    along: Vector3<f64>,
+    across: Vector3<f64>,
+}
+
+impl Tangents {
+    /// `None` for a triangle without area.
+    fn new(corners: &[Vector3<f64>; 3], u: &[Vector3<f64>; 3]) -> Option<Tangents> {
+        let (a, b) = (corners[1] - corners[0], corners[2] - corners[0]);
+        let normal = a.cross(&b);
+        let first = a.try_normalize(0.0).filter(|_| normal.norm() > 0.0)?;
+        let second = normal.normalize().cross(&first);
+        let along = (u[1] - u[0]) / a.norm();
+        let across = (u[2] - u[0] - along * b.dot(&first)) / b.dot(&second);
+        Some(Tangents { area: 0.5 * normal.norm(), first, second, along, across })
+    }
 }
 
 /// [a b n]; None for a triangle without area.
@@ -223,6 +267,45 @@ pub fn reach(deformer: &Deformer) -> Reach {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A strip of 1 × 0.2 m in 20 × 4 squares, moved by a map of its points.
+    fn strain_of(map: &dyn Fn(Vector3<f64>) -> Vector3<f64>) -> f64 {
+        let node = |i: u32, j: u32| 5 * i + j;
+        let squares = (0..20).flat_map(|i| (0..4).map(move |j| (i, j)));
+        let triangles: Vec<[u32; 3]> = squares
+            .flat_map(|(i, j)| {
+                let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+                [[a, b, c], [a, c, d]]
+            })
+            .collect();
+        law_strain(
+            &triangles,
+            &|node| {
+                let rest = Vector3::new(0.05 * f64::from(node / 5), 0.05 * f64::from(node % 5) - 0.1, 0.0);
+                [rest, map(rest) - rest]
+            },
+            1000,
+        )
+    }
+
+    /// A pull counts by its size, a turn, a bend in the plane and a shear for nothing or next to nothing.
+    #[test]
+    fn laws_differ_by_what_is_pulled_and_not_by_what_is_bent() {
+        let pulled = strain_of(&|x| Vector3::new(1.2 * x.x, x.y, x.z));
+        assert!((pulled - 0.2).abs() < 1e-12, "{pulled}");
+        let pressed = strain_of(&|x| Vector3::new(0.9 * x.x, 1.05 * x.y, x.z));
+        let closed_form = (0.05_f64.powi(3) - 0.1_f64.powi(3)) / (0.05_f64.powi(2) + 0.1_f64.powi(2));
+        assert!((pressed - closed_form).abs() < 1e-12, "{pressed} {closed_form}");
+        let turn = nalgebra::Rotation3::from_scaled_axis(Vector3::new(1.0, -2.0, 0.5));
+        let turned = strain_of(&|x| turn * Vector3::new(1.2 * x.x, x.y, x.z) + Vector3::repeat(3.0));
+        assert!((turned - 0.2).abs() < 1e-12, "{turned}");
+        // Round an arc of 1 rad, whose outer fibres are pulled by 10 %.
+        let bent = strain_of(&|x| Vector3::new((1.0 - x.y) * x.x.sin(), 1.0 - (1.0 - x.y) * x.x.cos(), 0.0));
+        assert!(bent.abs() < 2e-3, "{bent}");
+        // λ = 1 ± γ/2 + γ²/8: of second order.
+        let sheared = strain_of(&|x| Vector3::new(x.x + 0.1 * x.y, x.y, x.z));
+        assert!(sheared.abs() < 0.5 * 0.1 * 0.1, "{sheared}");
+    }
 
     /// Bent by 0.4 about an axis across the way, and twisted by 0.3: shifted as an arc asks for, half as far, twice as far and
     /// the other way.

@@ -20,7 +20,7 @@ use crate::mesh::{Surface, TetMesh};
 use crate::prepare::{self, Resolved};
 use crate::scene::Body;
 use crate::solve::Silent;
-use crate::world::{out_of_range_of, wrench_error_of};
+use crate::world::{beyond_law, out_of_range_of, wrench_error_of};
 use nalgebra::{DVector, Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
@@ -420,6 +420,7 @@ fn static_results(
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
     let held: Vec<&[u32]> = solved.statics.controls.iter().map(|control| &control.nodes[..]).collect();
     let stressed = solved_stress(scene, name, &solved.statics.mesh, &held)?;
+    let surface = Surface::from_mesh(&solved.statics.mesh);
     let mut found = Vec::new();
     for ((asked, settled), control) in asked.iter().zip(solved.settled).zip(solved.control) {
         let (pose, name) = (asked.pose.to_owned(), name.to_owned());
@@ -436,6 +437,11 @@ fn static_results(
                 };
                 let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &displacement));
                 let mut told = told;
+                let corners = |node: u32| {
+                    let node = surface.nodes[node as usize] as usize;
+                    [solved.statics.mesh.nodes[node], displacement[node]]
+                };
+                told.beyond = beyond_law(model, &surface.triangles, &corners);
                 let forced = asked.loads.points_on_mesh(&solved.statics).map_err(Failure::wrong)?;
                 told.pushed = PointPush::list(&forced, &solved.statics.mesh.nodes, &displacement);
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {
