@@ -83,8 +83,8 @@ fn forces(set: &ResultSet) -> Vec<u8> {
         let Some(forces) = &result.wrenches else { continue };
         let label = quoted(&set.label(result));
         let error = match (is_measured, result.told.error.measured()) {
-            (true, Some(error)) => format!(",{:e},{:e}", error.force, error.moment),
-            (true, None) => ",NaN,NaN".to_owned(),
+            (true, Some(error)) if error.is_whole => format!(",{:e},{:e}", error.force, error.moment),
+            (true, _) => ",NaN,NaN".to_owned(),
             (false, _) => String::new(),
         };
         for (control, Wrench { force: f, moment: m }) in &forces.controls {

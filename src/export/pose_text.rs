@@ -10,6 +10,7 @@ use crate::deform::{COMPONENTS, ControlPose, Freedom, Wrench, percent};
 use crate::effect::name_of;
 use crate::fem::nearest_turn;
 use crate::scene::LoadValue;
+use crate::world::WrenchError;
 use nalgebra::Vector3;
 
 /// Error of the forces above which another model is named.
@@ -61,7 +62,7 @@ pub fn sentences(result: &PoseResult, size: Option<f64>) -> Vec<String> {
 
 /// The motion of each control element that is not at rest, with the force and moment on it.
 pub fn moves(result: &PoseResult) -> Vec<String> {
-    let (told, [_, floor]) = (&result.told, floors(result));
+    let (told, floors) = (&result.told, floors(result));
     let mut lines = Vec::new();
     for (e, (name, pose)) in told.names.iter().zip(&told.control).enumerate() {
         if *pose == ControlPose::REST {
@@ -73,17 +74,19 @@ pub fn moves(result: &PoseResult) -> Vec<String> {
         let wrench = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e));
         let force = wrench.map_or(String::new(), |(_, wrench)| {
             let moment = as_found(wrench.about_the_place(pose), told.freedom.get(e)).moment.norm();
-            let moment = if moment > floor { moment } else { 0.0 };
-            format!(": force {}, moment {}", force(wrench, &told.error), quantity(moment, "N·m"))
+            let moment = if moment > floors[1] { moment } else { 0.0 };
+            let none = wrench.force.norm() <= floors[0];
+            let force = if none { quantity(0.0, "N") } else { force(wrench, &told.error) };
+            format!(": force {force}, moment {}", quantity(moment, "N·m"))
         });
         lines.push(format!("{name} moved by {moved}{turned}{force}"));
     }
     lines
 }
 
-/// `1.20 kN ± 80.0 N`.
+/// `1.20 kN ± 80.0 N`, or `1.20 kN ±> 80.0 N` where the mesh's part is not known.
 pub fn force(wrench: &Wrench, sure: &Sureness) -> String {
-    let by = plus_minus(sure.measured().map(|error| error.force), "N");
+    let by = plus_minus(sure.measured(), |error| error.force, "N");
     format!("{} {by}", quantity(wrench.force.norm(), "N")).trim_end().to_owned()
 }
 
@@ -99,13 +102,15 @@ fn vector(v: &Vector3<f64>, unit: &str) -> String {
     format!("({}, {}, {}) {prefix}{unit}", number(v.x), number(v.y), number(v.z))
 }
 
-/// The error of a number of a wrench, `± 1.2 N`.
-fn plus_minus(value: Option<f64>, unit: &str) -> String {
-    value.map_or(String::new(), |value| format!("± {}", quantity(value, unit)))
+/// The error of a number of a wrench, `± 1.2 N`; `±> 1.2 N` of one that may be more.
+fn plus_minus(error: Option<&WrenchError>, of: fn(&WrenchError) -> f64, unit: &str) -> String {
+    error.map_or(String::new(), |error| {
+        format!("±{} {}", if error.is_whole { "" } else { ">" }, quantity(of(error), unit))
+    })
 }
 
 /// The force and the moment that are rounding beside the largest: of both, over the distance of the control elements.
-fn floors(result: &PoseResult) -> [f64; 2] {
+pub fn floors(result: &PoseResult) -> [f64; 2] {
     let places = &result.told.places;
     let apart = places.iter().map(|place| (place - places[0]).norm()).fold(0.0, f64::max);
     let all = || result.wrenches.iter().flat_map(|forces| &forces.controls);
@@ -131,15 +136,15 @@ fn table(result: &PoseResult) -> Table {
         let (mut force, mut moment) = (String::new(), String::new());
         if let Some((_, wrench)) = result.wrenches.as_ref().and_then(|forces| forces.controls.get(e)) {
             let placed = as_found(wrench.about_the_place(pose), result.told.freedom.get(e));
-            let of = |v: Vector3<f64>, unit: &str, by: Option<f64>| {
-                if v == Vector3::zeros() {
-                    return format!("0 {}", plus_minus(by, unit));
+            let of = |v: Vector3<f64>, unit: &str, by: fn(&WrenchError) -> f64| {
+                let by = plus_minus(error, by, unit);
+                match v == Vector3::zeros() {
+                    true => format!("0 {by}"),
+                    false => format!("{} |{}| {by}", vector(&v, unit), quantity(v.norm(), unit)),
                 }
-                let v = &v;
-                format!("{} |{}| {}", vector(v, unit), quantity(v.norm(), unit), plus_minus(by, unit))
             };
-            force = of(plain(placed.force, floors[0]), "N", error.map(|error| error.force));
-            moment = of(plain(placed.moment, floors[1]), "N·m", error.map(|error| error.moment));
+            force = of(plain(placed.force, floors[0]), "N", |error| error.force);
+            moment = of(plain(placed.moment, floors[1]), "N·m", |error| error.moment);
         }
         table.row(&[name, &moved, &turned, force.trim(), moment.trim()][..columns]);
     }
@@ -304,7 +309,7 @@ fn yielding(result: &PoseResult, first: &FirstYield) -> String {
     let wrench = first.wrenches.as_ref().and_then(|wrenches| wrenches.get(moved));
     let force = wrench.map_or(String::new(), |wrench| {
         let size = wrench.force.norm();
-        let by = plus_minus(first.error.map(|error| error.force), "N");
+        let by = plus_minus(first.error.as_ref(), |error| error.force, "N");
         let along = pose.translation.try_normalize(0.0).map(|way| wrench.force.dot(&way));
         let along = along.filter(|along| (along.abs() - size).abs() > 0.02 * size);
         let along = along.map_or(String::new(), |along| format!(", {} along its way,", quantity(along, "N")));
@@ -345,7 +350,7 @@ fn sureness(result: &PoseResult) -> Vec<String> {
                 }
                 [Some(model), None] if !error.is_whole => {
                     format!(
-                        "{} of the largest force by the model {name}, not known by the mesh",
+                        "{} of the largest force by the model {name}; the mesh's part is not known, so it may be more",
                         percent(model)
                     )
                 }

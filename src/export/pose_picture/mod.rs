@@ -52,7 +52,7 @@ fn write(set: &ResultSet) -> Vec<u8> {
         Some(result) => geometry(result).and_then(|geometry| draw(geometry, result, &Words::new(result))),
         None => largest(set).and_then(|geometry| {
             let rest = PoseResult::at_rest(geometry);
-            draw(geometry, &rest, &Words { title: rest.pose.clone(), lines: Vec::new(), arrows: Vec::new() })
+            draw(geometry, &rest, &Words { lines: Vec::new(), ..Words::new(&rest) })
         }),
     };
     let picture = drawn.unwrap_or_else(|| RgbaImage::from_pixel(1, 1, image::Rgba([250, 250, 248, 255])));
@@ -71,16 +71,19 @@ fn largest(set: &ResultSet) -> Option<&Geometry> {
 struct Words {
     title: String,
     lines: Vec<String>,
-    /// The forces on the control elements that were moved.
+    /// The forces on the control elements that were moved, and those at points.
     arrows: Vec<Arrow>,
+    /// The places that are grey where colours show the stress.
+    grey: &'static str,
 }
 
 impl Words {
     fn new(result: &PoseResult) -> Words {
         let told = &result.told;
         let forces = result.wrenches.as_ref().map_or(&[][..], |forces| &forces.controls);
+        let [floor, _] = pose_text::floors(result);
         let arrow = |((pose, place), (name, wrench)): ((&ControlPose, &Vector3<f64>), &(String, Wrench))| {
-            let is_moved = *pose != ControlPose::REST && wrench.force.norm() > 0.0;
+            let is_moved = *pose != ControlPose::REST && wrench.force.norm() > floor;
             is_moved.then(|| Arrow {
                 place: *place,
                 shift: pose.translation,
@@ -88,9 +91,20 @@ impl Words {
                 label: format!("{name}: {}", pose_text::force(wrench, &told.error)),
             })
         };
-        let arrows = told.control.iter().zip(&told.places).zip(forces).filter_map(arrow).collect();
+        let pushed = told.pushed.iter().map(|push| Arrow {
+            place: push.rest,
+            shift: push.moved,
+            force: push.force,
+            label: quantity(push.force.norm(), "N"),
+        });
+        let arrows =
+            told.control.iter().zip(&told.places).zip(forces).filter_map(arrow).chain(pushed).collect();
+        let grey = match told.pushed.is_empty() {
+            true => "grey: held by a control element",
+            false => "grey: held by a control element, or at the point of a force",
+        };
         let lines = pose_text::moves(result).into_iter().chain(pose_text::sentences(result, None)).collect();
-        Words { title: result.pose.clone(), lines, arrows }
+        Words { title: result.pose.clone(), lines, arrows, grey }
     }
 }
 
@@ -361,8 +375,7 @@ impl Page<'_> {
         let ink = if colours.limit.is_some_and(|limit| colours.most > limit) { FORCE } else { INK };
         let text = lines.join(", ");
         self.text(pos2(bar.min.x, bar.max.y + 28.0), Align2::LEFT_TOP, &text, 17.0, ink);
-        let held = "grey: held by a control element";
-        self.text(pos2(bar.min.x, bar.max.y + 52.0), Align2::LEFT_TOP, held, 16.0, QUIET);
+        self.text(pos2(bar.min.x, bar.max.y + 52.0), Align2::LEFT_TOP, self.words.grey, 16.0, QUIET);
     }
 }
 
