@@ -305,7 +305,10 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
         let nearest = if best == own { "This one comes nearest".to_owned() } else { price(&rows[best]) };
         let verb =
             if best == own { String::new() } else { format!(" comes nearest, with {}", errors(&rows[best])) };
-        return format!("Nothing that was measured brings {what} within 5 %. {nearest}{verb}.");
+        return format!(
+            "Nothing that was measured brings {what} within 5 %. {nearest}{verb}.{}",
+            unjudged(rows)
+        );
     };
     if i == own {
         return format!("Nothing cheaper that was measured keeps {what} within 5 %.");
@@ -318,6 +321,18 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
         return format!("Nothing faster that was measured keeps {what} within 5 %.");
     }
     format!("{} brings {what} within 5 %: {}.", price(other), errors(other))
+}
+
+/// The rows that may be better, but of whose mesh nothing is known; empty where there are none.
+fn unjudged(rows: &[Measurement]) -> String {
+    let references: Vec<&Measurement> = rows.iter().filter(|row| row.is_reference()).collect();
+    let Some(first) = references.first() else { return String::new() };
+    let (count, mesh) = (references.len(), first.setting.mesh());
+    let settings = if count == 1 { "setting" } else { "settings" };
+    format!(
+        " Not judged: {count} {settings} on {mesh}, the finest mesh that was measured: a report without --quick, or \
+         of more unknowns, judges them."
+    )
 }
 
 /// "tet10 h · cholesky · f32 · reduced (900 µs an evaluation, 12 s offline)".
@@ -435,8 +450,11 @@ mod tests {
         // The finest mesh has no discretisation error that is known.
         let mut finest = row("rotation", 43.0, 0.01, 0.02);
         finest.error.discretisation = Some(Spread::default());
-        let text = said(vec![finest, row("reduced", 900.0, 0.01, 0.02)]);
+        let text = said(vec![finest.clone(), row("reduced", 900.0, 0.01, 0.02)]);
         assert!(text.contains("wrong by at least 1 %") && !text.contains("within 1 %"), "{text}");
+        assert!(!text.contains("Not judged"), "{text}");
+        let text = said(vec![row("reduced", 900.0, 0.01, 0.2), finest]);
+        assert!(text.contains("to 20 %. Not judged: 1 setting on tet4 h, the finest mesh"), "{text}");
         assert_eq!(said(Vec::new()), "");
         // No pose has a finer equilibrium.
         let mut alone = row("rotation", 43.0, 0.01, 0.02);
