@@ -14,6 +14,7 @@ use serde::de::DeserializeOwned;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use strict::Strict;
+use toml::de::{DeTable, DeValue};
 
 /// Why a configuration file was refused.
 #[derive(Debug, thiserror::Error)]
@@ -105,6 +106,34 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
     let start = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |i| i + 1);
     (line, before.len() - start + 1)
+}
+
+/// 1-based line of a key in a TOML text, named by its way, as `body.tube.material`; of the innermost table of that way where the key
+/// itself is not written, `None` where nothing of it is.
+pub fn line_of(text: &str, key: &str) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let (mut table, mut rest, mut line) = (document.get_ref(), key, None);
+    loop {
+        // A name may have points of its own.
+        let fits = |name: &str| {
+            let after = rest.strip_prefix(name)?;
+            if after.is_empty() { Some(after) } else { after.strip_prefix('.') }
+        };
+        let keys = table.iter().filter_map(|(name, value)| Some((name, value, fits(name.get_ref())?)));
+        let Some((name, value, after)) = keys.max_by_key(|(name, ..)| name.get_ref().len()) else {
+            return line;
+        };
+        line = Some(line_and_column(text, name.span().start).0);
+        match value.get_ref() {
+            DeValue::Table(inner) => (table, rest) = (inner, after),
+            _ => return line,
+        }
+    }
+}
+
+/// [`line_of`] a key in a file, as it is now.
+pub fn line_in(path: &Path, key: &str) -> Option<usize> {
+    line_of(&read(path).ok()?, key)
 }
 
 /// Advice for the heading `[key]` or `[key.name]` at which an error stands, where there can be several such tables.
@@ -220,6 +249,37 @@ mod tests {
         let text = error.to_string();
         assert!(text.starts_with("a.toml:2:1: unknown field `poison`"), "{text}");
         assert!(text.ends_with("did you mean `poisson`?"), "{text}");
+    }
+
+    #[test]
+    fn a_key_is_found_on_its_line() {
+        let text = "stage = \"desk\"\n\n[body.tube]\nmaterial = { young = 1.0,\n poisson = 0.3 }\ncontrol.left.grab = \"fixed\"\n\
+                    [body.\"tube.old\"]\nmesh = \"a.stl\"\n[[screen]]\nname = \"left\"\n";
+        for (key, line) in [
+            ("stage", Some(1)),
+            ("body.tube", Some(3)),
+            ("body.tube.material.poisson", Some(5)),
+            ("body.tube.control.left.nodes", Some(6)),
+            ("body.tube.old.mesh", Some(8)),
+            ("body.tube.older", Some(3)),
+            ("body.none", Some(3)),
+            ("screen.left", Some(9)),
+            ("", None),
+            ("a place", None),
+        ] {
+            assert_eq!(line_of(text, key), line, "{key}");
+        }
+        assert_eq!(line_of("= 3", "body"), None);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_text_and_no_key_makes_a_panic(text in ".{0,200}", lines in "(\\[[a.\"]{0,6}\\]\n|[ab.]{0,4} = [1{}\\[\\]]{0,4}\n){0,8}", key in "[ab.]{0,8}") {
+            for text in [&text, &lines] {
+                let line = line_of(text, &key);
+                proptest::prop_assert!(line.is_none_or(|line| (1..=text.lines().count().max(1)).contains(&line)));
+            }
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::{check_stage, expected, inspect};
 use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
+use crate::config;
 use crate::deform::{Bearing, ExpectedErrors, ModelEntry, ModelReach, ROD, Statics};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::fem::TET4_ANP;
@@ -24,7 +25,7 @@ use crate::world::place::overlaps;
 use indexmap::IndexMap;
 use nalgebra::{Point3, Similarity3, Vector3};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// List everything wrong with a scene, without solving it, or with a stage
@@ -67,7 +68,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                     findings.extend(of_body(scene, name, resolved.as_ref(), &mut meshes, &mut models)?);
                     effects.extend(effects_of(name, body, resolved.as_ref()));
                     let errors = resolved.as_ref().map(|resolved| expected::known(scene, name, resolved));
-                    known.push((name, errors.unwrap_or_else(|| Err("the body is refused".into()))));
+                    known.push((name, errors.unwrap_or_else(|| Err(expected::NOT_SHOWN.into()))));
                 }
                 // Of what is faulty already no more is told.
                 State::HasMesh => {
@@ -99,9 +100,20 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{value:#}\n"))?;
     } else {
         let models: String = models.concat();
+        let findings = findings
+            .iter()
+            .map(|finding| placed(finding, scene.as_ref().map_or(&args.scene, |scene| &scene.path)));
+        let findings: Vec<Diagnostic> = findings.collect();
         print(&format!("{}{models}{}{}", listing(&findings), effects_text(&effects), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
+}
+
+/// A finding with the line of its key in the scene's file.
+fn placed(finding: &Diagnostic, scene: &Path) -> Diagnostic {
+    let line = config::line_in(scene, &finding.place);
+    let place = line.map(|line| format!("{}:{line}: {}", scene.display(), finding.place));
+    Diagnostic { place: place.unwrap_or_else(|| finding.place.clone()), ..finding.clone() }
 }
 
 /// The scene with what the effects of its bodies add to them.
@@ -156,6 +168,7 @@ fn of_body<'a>(
             found.unwrap_or_else(|| Diagnostic::new(Severity::Error, &entity, failure.to_string()));
         if is_solved_anew(scene, name, resolved) {
             found.severity = Severity::Warning;
+            found.message += "; until then `greenstage deform` alone solves the body";
         }
         findings.push(found);
     }

@@ -123,11 +123,14 @@ fn within(at: &ErrorsAt) -> String {
     format!("{forces}, shape {}", percent(at.shape))
 }
 
+/// The reason why nothing is known of a body that is refused, whether or not `deform` solves it.
+pub const NOT_SHOWN: &str = "no session shows the body as it is";
+
 /// Expected errors of a scene's body from its .green file; the error says how to obtain them.
 pub fn known(scene: &Scene, name: &str, resolved: &ResolvedBody) -> Result<ExpectedErrors, String> {
     let body = &scene.body[name];
     let Ok(requirements) = resolved.requirements(scene, name, body) else {
-        return Err("the body is refused".into());
+        return Err(NOT_SHOWN.into());
     };
     if body.method == Method::Bem {
         return Err("solve again with refine = 1, and compare".into());

@@ -11,8 +11,14 @@ pub enum SceneError {
     Config(#[from] ConfigError),
     #[error("{}: no such file, and {message}; give one of these, or the path of a .toml file", path.display())]
     Unknown { path: PathBuf, message: String },
-    #[error("{}: {entity}: {message}", path.display())]
-    Invalid { path: PathBuf, entity: String, message: String },
+    #[error("{}{}: {entity}: {message}", path.display(), line.map_or(String::new(), |line| format!(":{line}")))]
+    Invalid {
+        path: PathBuf,
+        /// Line of the entity in the file, where it is written there.
+        line: Option<usize>,
+        entity: String,
+        message: String,
+    },
     #[error("{}: is a mesh or a surface, no scene; `greenstage new {}` makes a scene of it", path.display(), path.display())]
     IsMesh { path: PathBuf },
     #[error("{}: body.{body}.mesh: {source}", path.display())]

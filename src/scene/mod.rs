@@ -285,7 +285,12 @@ impl Scene {
 
     /// An error about one entity of this scene.
     pub fn invalid(&self, entity: &str, message: impl Into<String>) -> SceneError {
-        SceneError::Invalid { path: self.path.clone(), entity: entity.to_owned(), message: message.into() }
+        SceneError::Invalid {
+            path: self.path.clone(),
+            line: config::line_in(&self.path, entity),
+            entity: entity.to_owned(),
+            message: message.into(),
+        }
     }
 
     /// A scene that was changed in the program, as it would be read from its file.

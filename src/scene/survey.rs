@@ -145,9 +145,9 @@ mod tests {
             "f:1:1: unknown field `modle`",
             "f:7:1: unknown field `modle`",
             "f:9:1: unknown field `genrate`",
-            "f: body.a.material: Young's modulus -1 Pa",
-            "f: body.a.solver: tolerance 1 must",
-            "f: body.b.place: position",
+            "f:4: body.a.material: Young's modulus -1 Pa",
+            "f:6: body.a.solver: tolerance 1 must",
+            "f:12: body.b.place: position",
         ] {
             assert_eq!(
                 faults.iter().filter(|fault| fault.contains(start)).count(),

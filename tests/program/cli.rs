@@ -430,15 +430,18 @@ fn check_lists_everything_without_solving() {
     assert!(fine.contains("0 errors, 0 warnings, 0 notes; --verbose shows 1 detail"), "{fine}");
     assert!(!fine.contains("planar") && !fine.contains("not listed"), "{fine}");
     let verbose = text(&succeed(&folder, &["check", "scene.toml", "--verbose"]).stdout);
-    assert!(verbose.contains("detail: body.block: control high, low: planar"), "{verbose}");
+    assert!(verbose.contains("detail: scene.toml:3: body.block: control high, low: planar"), "{verbose}");
     assert!(verbose.contains("not listed"), "{verbose}");
     let scene = SCENE.replace("poisson = 0.3", "poisson = 0.49").replace("max = [-0.4,", "max = [0.6,");
     std::fs::write(folder.join("scene.toml"), scene).unwrap();
     refuse(&folder, &["check", "scene.toml"], &["scene.toml: 1 error"]);
     let output = greenstage(&folder, &["check", "scene.toml"]);
     let lines: Vec<String> = text(&output.stdout).lines().map(str::to_owned).collect();
-    assert!(lines[0].starts_with("error: body.block.control.low: overlaps control high"), "{lines:?}");
-    assert!(lines[1].starts_with("warning: body.block.material: Poisson's ratio 0.49"), "{lines:?}");
+    for (at, severity) in ["error", "warning"].into_iter().enumerate() {
+        assert!(lines[at].starts_with(&format!("{severity}: scene.toml:")), "{lines:?}");
+    }
+    assert!(lines[0].contains(": body.block.control.low: overlaps control high"), "{lines:?}");
+    assert!(lines[1].contains(": body.block.material: Poisson's ratio 0.49"), "{lines:?}");
     let json = greenstage(&folder, &["check", "scene.toml", "--json"]);
     let value: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
     assert_eq!(value["findings"][0]["severity"], "error");

@@ -23,7 +23,7 @@ pub fn refusal(model: &ModelEntry, has_compliance: bool) -> Option<String> {
     let name = model.name;
     (has_compliance && model.takes_points()).then(|| {
         format!(
-            "\"{name}\" has no surface_compliance: its stiffness changes as the body bends, and forces at \
+            "\"{name}\" cannot use surface_compliance: its stiffness changes as the body bends, and forces at \
              rest do not add up. Leave it out, or write model = \"rotation\""
         )
     })

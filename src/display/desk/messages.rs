@@ -187,11 +187,14 @@ pub fn try_compliance(scene: &Resolved) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A failure without the path of the scene, which the panel shows.
+/// A failure without the path of the scene, which the panel shows, and its line.
 pub fn refused(failure: &Failure, scene: Option<&Scene>) -> String {
     let text = failure.to_string();
-    let of_scene = scene.map(|scene| format!("{}: ", scene.path.display()));
-    let short = of_scene.as_ref().and_then(|path| text.strip_prefix(path));
+    let path = scene.map(|scene| scene.path.display().to_string());
+    let after = path.as_ref().and_then(|path| text.strip_prefix(path));
+    let short = after.and_then(|after| {
+        after.trim_start_matches(|c: char| c == ':' || c.is_ascii_digit()).strip_prefix(' ')
+    });
     format!("Not changed: {}", short.unwrap_or(&text))
 }
 
@@ -266,7 +269,9 @@ mod tests {
             told.starts_with("Not changed: hose: the model rod") && told.contains("Take rotation"),
             "{told}"
         );
-        let failure = Failure::wrong("cache/stylus.toml: body.hose.model: no such model");
-        assert_eq!(refused(&failure, Some(&scene)), "Not changed: body.hose.model: no such model");
+        for place in ["cache/stylus.toml", "cache/stylus.toml:17"] {
+            let failure = Failure::wrong(format!("{place}: body.hose.model: no such model"));
+            assert_eq!(refused(&failure, Some(&scene)), "Not changed: body.hose.model: no such model");
+        }
     }
 }
