@@ -131,8 +131,9 @@ pub fn line_of(text: &str, key: &str) -> Option<usize> {
     }
 }
 
-/// [`line_of`] a key in a file, as it is now.
+/// [`line_of`] a key in a file, as it is now; `None` of a pipe, which was read before.
 pub fn line_in(path: &Path, key: &str) -> Option<usize> {
+    input::regular(path).ok()?;
     line_of(&read(path).ok()?, key)
 }
 

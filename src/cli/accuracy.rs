@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long)]
     pub quick: bool,
     /// Unknowns of the largest solve (those of tet4_anp count threefold)
-    #[arg(long, default_value_t = LARGEST, value_parser = parsers::positive)]
+    #[arg(long, default_value_t = Limits::LARGEST, value_parser = parsers::positive)]
     pub largest: f64,
     /// A Markdown file whose lines between `<!-- accuracy: begin -->` and `<!-- accuracy: end -->` become a table
     #[arg(long)]
@@ -63,7 +63,6 @@ pub struct Args {
     pub quiet: bool,
 }
 
-const LARGEST: f64 = 300_000.0;
 /// Time of a report with --quick, s: a minute but for the page.
 const QUICK_S: f64 = 55.0;
 
@@ -144,7 +143,7 @@ fn command(args: &Args) -> String {
     words.extend(args.poses.iter().map(|poses| format!("--poses {}", poses.display())));
     words.extend(args.seed.map(|seed| format!("--seed {seed}")));
     words.extend(args.quick.then(|| "--quick".to_owned()));
-    words.extend((args.largest != LARGEST).then(|| format!("--largest {}", args.largest)));
+    words.extend((args.largest != Limits::LARGEST).then(|| format!("--largest {}", args.largest)));
     words.join(" ")
 }
 

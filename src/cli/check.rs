@@ -85,10 +85,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         if let Ok(stage) = open::stage(scene, None) {
             findings.extend(places(&meshes, &stage));
         }
-        for problem in [open::stage(scene, None).err(), open::script(scene, None).err()].into_iter().flatten()
-        {
-            findings.push(Diagnostic::new(Severity::Error, "stage", problem.to_string()));
-        }
+        let problems = [open::stage(scene, None).err(), open::script(scene, None).err()];
+        findings.extend(problems.iter().flatten().map(|problem| of_failure(problem, "")));
     }
     findings.sort_by_key(|finding| finding.severity);
     if args.json {
@@ -100,11 +98,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         print(&format!("{value:#}\n"))?;
     } else {
         let models: String = models.concat();
-        let findings = findings
-            .iter()
-            .map(|finding| placed(finding, scene.as_ref().map_or(&args.scene, |scene| &scene.path)));
-        let findings: Vec<Diagnostic> = findings.collect();
-        print(&format!("{}{models}{}{}", listing(&findings), effects_text(&effects), errors_text(&known)))?;
+        let path = scene.as_ref().map_or(&args.scene, |scene| &scene.path);
+        let listed: Vec<Diagnostic> = findings.iter().map(|finding| placed(finding, path)).collect();
+        print(&format!("{}{models}{}{}", listing(&listed), effects_text(&effects), errors_text(&known)))?;
     }
     check_stage::verdict(&findings, &args.scene)
 }
@@ -162,10 +158,7 @@ fn of_body<'a>(
     let mut findings = Vec::new();
     let required = resolved.map(|resolved| resolved.requirements(scene, name, body));
     if let (Some(Err(failure)), Some(resolved)) = (&required, resolved) {
-        let (Failure::Request(error) | Failure::Work(error)) = failure;
-        let found = error.downcast_ref().map(SceneError::finding);
-        let mut found =
-            found.unwrap_or_else(|| Diagnostic::new(Severity::Error, &entity, failure.to_string()));
+        let mut found = of_failure(failure, &entity);
         if is_solved_anew(scene, name, resolved) {
             found.severity = Severity::Warning;
             found.message += "; until then `greenstage deform` alone solves the body";
@@ -214,6 +207,13 @@ fn of_body<'a>(
     let points = nodes.iter().map(|&node| Point3::from(prepared.mesh.nodes[node as usize])).collect();
     meshes.push(StandingBody { name, body, points, triangles });
     Ok(findings)
+}
+
+/// A failure as a finding; `place` is that of one that names none.
+fn of_failure(failure: &Failure, place: &str) -> Diagnostic {
+    let (Failure::Request(error) | Failure::Work(error)) = failure;
+    let found = error.downcast_ref().map(SceneError::finding);
+    found.unwrap_or_else(|| Diagnostic::new(Severity::Error, place, failure.to_string()))
 }
 
 /// Whether `deform` solves the body although no session shows it: with the loads of a model of large strain.

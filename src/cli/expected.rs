@@ -133,7 +133,7 @@ pub fn known(scene: &Scene, name: &str, resolved: &ResolvedBody) -> Result<Expec
         return Err(NOT_SHOWN.into());
     };
     if body.method == Method::Bem {
-        return Err("solve again with refine = 1, and compare".into());
+        return Err(expected::finer_mesh(body));
     }
     if let Some(why) = expected::unmeasurable(body) {
         return Err(why.to_owned());

@@ -46,14 +46,29 @@ pub fn mean_strain(deformer: &Deformer, most: usize) -> f64 {
     mean(sample(deformer.triangles(), most).filter_map(of))
 }
 
-/// The strain of a surface by which the energies of material laws differ, weighed by its own square. Looks at `most` triangles at the
-/// most, spread over the surface; `corners` are the places of a triangle's nodes at rest, and their displacements.
+/// Poisson's ratio in [`law_strain`].
+const POISSON: f64 = 0.3;
+
+/// The strain of a surface by which the forces of material laws differ, weighed by its own square. Looks at `most` triangles at the
+/// most, spread over the surface; `corners` are the places of a node at rest and its displacement, `free` is the stretch that warmth
+/// gives a free body.
 ///
-/// With the stretches λ₁, λ₂ in a triangle's plane, ε = λ - 1 and its area A it is Σ A (ε₁³ + ε₂³) / Σ A (ε₁² + ε₂²): nearly ε of a bar
-/// that is pulled, and small of one that is bent or twisted, where fibres are pulled as much as others are pressed. It is the
-/// energy's part of third order against that of second: under St. Venant and Kirchhoff's law and under neo-Hooke's, a bar bears
-/// 1 + 3/2 ε and about 1 - 3/2 ε times what it does by Hooke's.
-pub fn law_strain(triangles: &[[u32; 3]], corners: &dyn Fn(u32) -> [Vector3<f64>; 2], most: usize) -> f64 {
+/// With the stretches λ₁, λ₂ in a triangle's plane, ε = λ/free - 1, its area A and ν = 0.3 it is
+///
+/// ```text
+/// Σ A (ε₁³ + ε₂³ + ν ε₁ ε₂ (ε₁ + ε₂)) / Σ A (ε₁² + ε₂² + 2ν ε₁ ε₂)
+/// ```
+///
+/// the energy's part of third order against that of second, in plane stress under St. Venant and Kirchhoff's law: ε of a bar that is
+/// pulled (0.85 ε at ν = 0.49), and small of one that is bent or twisted, where fibres are pulled as much as others are pressed. So is
+/// that of a body of which one part is pulled as much as another is pressed. Such a bar bears 1 + 3/2 ε of what it does by Hooke's law,
+/// and 1 - 3ν/(1 + ν) ε by neo-Hooke's.
+pub fn law_strain(
+    triangles: &[[u32; 3]],
+    corners: &dyn Fn(u32) -> [Vector3<f64>; 2],
+    free: f64,
+    most: usize,
+) -> f64 {
     let of = |triangle: &[u32; 3]| {
         let nodes = triangle.map(corners);
         let Tangents { area, first, second, along, across } =
@@ -63,8 +78,9 @@ pub fn law_strain(triangles: &[[u32; 3]], corners: &dyn Fn(u32) -> [Vector3<f64>
             0.5 * (a.norm_squared() + b.norm_squared()),
             (0.5 * (a.norm_squared() - b.norm_squared())).hypot(a.dot(&b)),
         );
-        let strains = [mean + half, mean - half].map(|square| square.max(0.0).sqrt() - 1.0);
-        Some([3, 2].map(|power| area * strains.iter().map(|strain| strain.powi(power)).sum::<f64>()))
+        let [x, y] = [mean + half, mean - half].map(|square| square.max(0.0).sqrt() / free - 1.0);
+        let third = x.powi(3) + y.powi(3) + POISSON * x * y * (x + y);
+        Some([area * third, area * (x * x + y * y + 2.0 * POISSON * x * y)])
     };
     mean(sample(triangles, most).filter_map(of))
 }
@@ -269,7 +285,7 @@ mod tests {
     use super::*;
 
     /// A strip of 1 × 0.2 m in 20 × 4 squares, moved by a map of its points.
-    fn strain_of(map: &dyn Fn(Vector3<f64>) -> Vector3<f64>) -> f64 {
+    fn strain_of(free: f64, map: &dyn Fn(Vector3<f64>) -> Vector3<f64>) -> f64 {
         let node = |i: u32, j: u32| 5 * i + j;
         let squares = (0..20).flat_map(|i| (0..4).map(move |j| (i, j)));
         let triangles: Vec<[u32; 3]> = squares
@@ -284,6 +300,7 @@ mod tests {
                 let rest = Vector3::new(0.05 * f64::from(node / 5), 0.05 * f64::from(node % 5) - 0.1, 0.0);
                 [rest, map(rest) - rest]
             },
+            free,
             1000,
         )
     }
@@ -291,19 +308,24 @@ mod tests {
     /// A pull counts by its size, a turn, a bend in the plane and a shear for nothing or next to nothing.
     #[test]
     fn laws_differ_by_what_is_pulled_and_not_by_what_is_bent() {
-        let pulled = strain_of(&|x| Vector3::new(1.2 * x.x, x.y, x.z));
-        assert!((pulled - 0.2).abs() < 1e-12, "{pulled}");
-        let pressed = strain_of(&|x| Vector3::new(0.9 * x.x, 1.05 * x.y, x.z));
-        let closed_form = (0.05_f64.powi(3) - 0.1_f64.powi(3)) / (0.05_f64.powi(2) + 0.1_f64.powi(2));
-        assert!((pressed - closed_form).abs() < 1e-12, "{pressed} {closed_form}");
+        let bar = |strain: f64| {
+            move |x: Vector3<f64>| Vector3::new((1.0 + strain) * x.x, (1.0 - 0.3 * strain) * x.y, x.z)
+        };
+        for strain in [0.2, -0.1] {
+            let pulled = strain_of(1.0, &bar(strain));
+            assert!((pulled - strain).abs() < 1e-12, "{pulled}");
+        }
         let turn = nalgebra::Rotation3::from_scaled_axis(Vector3::new(1.0, -2.0, 0.5));
-        let turned = strain_of(&|x| turn * Vector3::new(1.2 * x.x, x.y, x.z) + Vector3::repeat(3.0));
+        let turned = strain_of(1.0, &|x| turn * bar(0.2)(x) + Vector3::repeat(3.0));
         assert!((turned - 0.2).abs() < 1e-12, "{turned}");
+        let warm = strain_of(1.1, &|x| 1.1 * bar(0.2)(x));
+        assert!((warm - 0.2).abs() < 1e-12 && strain_of(1.1, &|x| 1.1 * x).abs() < 1e-12, "{warm}");
         // Round an arc of 1 rad, whose outer fibres are pulled by 10 %.
-        let bent = strain_of(&|x| Vector3::new((1.0 - x.y) * x.x.sin(), 1.0 - (1.0 - x.y) * x.x.cos(), 0.0));
+        let bent =
+            strain_of(1.0, &|x| Vector3::new((1.0 - x.y) * x.x.sin(), 1.0 - (1.0 - x.y) * x.x.cos(), 0.0));
         assert!(bent.abs() < 2e-3, "{bent}");
         // λ = 1 ± γ/2 + γ²/8: of second order.
-        let sheared = strain_of(&|x| Vector3::new(x.x + 0.1 * x.y, x.y, x.z));
+        let sheared = strain_of(1.0, &|x| Vector3::new(x.x + 0.1 * x.y, x.y, x.z));
         assert!(sheared.abs() < 0.5 * 0.1 * 0.1, "{sheared}");
     }
 

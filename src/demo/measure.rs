@@ -19,12 +19,15 @@ fn force_n(body: &PlacedBody, c: usize) -> Option<Vector3<f64>> {
     Some(-body.deformer.wrenches()?.0[c].force)
 }
 
-/// The error to expect of a force, by its model and by its mesh together, as a part of it; `None` where it was not measured.
-fn expected_part(body: &PlacedBody, shown: &BodyFrame) -> Option<f64> {
+/// The error to expect of a force, by its model and by its mesh together, as a part of it, `±>` where the mesh's part is not known; `None`
+/// where it was not measured.
+fn expected_part(body: &PlacedBody, shown: &BodyFrame) -> Option<String> {
     let expected = shown.expected.as_ref()?;
     let of_model = expected.in_pose(&body.deformer)?.force?;
     let (wrenches, _) = body.deformer.wrenches()?;
-    Some(of_model + expected.mesh_at(&body.deformer, &wrenches).unwrap_or(0.0))
+    let of_mesh = expected.mesh_at(&body.deformer, &wrenches);
+    let least = if of_mesh.is_some() { "" } else { ">" };
+    Some(format!("±{least} {}", per_cent(of_model + of_mesh.unwrap_or(0.0))))
 }
 
 /// The bend of the first body in degrees, and the force in newtons with the error to expect.
@@ -35,7 +38,7 @@ pub fn bend(_: &Scene, world: &World, _: f64) -> String {
     let Some(force) = force else { return format!("bent by {angle:.0}°") };
     let error = expected_part(body, &world.frame.bodies[0]).map_or_else(
         || format!(", error unknown ({})", why_unknown(body, &world.frame.bodies[0])),
-        |part| format!(" ± {}", per_cent(part)),
+        |part| format!(" {part}"),
     );
     format!("bent by {angle:.0}°     force {}{error}", newtons(force))
 }

@@ -441,7 +441,7 @@ fn static_results(
                     let node = surface.nodes[node as usize] as usize;
                     [solved.statics.mesh.nodes[node], displacement[node]]
                 };
-                told.beyond = beyond_law(model, &surface.triangles, &corners);
+                told.beyond = beyond_law(model, &surface.triangles, &corners, stretch);
                 let forced = asked.loads.points_on_mesh(&solved.statics).map_err(Failure::wrong)?;
                 told.pushed = PointPush::list(&forced, &solved.statics.mesh.nodes, &displacement);
                 if let Some(stressed) = stressed.as_ref().filter(|_| free_poses::yields(stress.as_ref())) {

@@ -75,8 +75,9 @@ pub fn moves(result: &PoseResult) -> Vec<String> {
         let force = wrench.map_or(String::new(), |(_, wrench)| {
             let moment = as_found(wrench.about_the_place(pose), told.freedom.get(e)).moment.norm();
             let moment = if moment > floors[1] { moment } else { 0.0 };
-            let none = wrench.force.norm() <= floors[0];
-            let force = if none { quantity(0.0, "N") } else { force(wrench, &told.error) };
+            let is_rounding = wrench.force.norm() <= floors[0];
+            let plain = if is_rounding { Vector3::zeros() } else { wrench.force };
+            let force = force(&Wrench { force: plain, ..*wrench }, &told.error);
             format!(": force {force}, moment {}", quantity(moment, "N·m"))
         });
         lines.push(format!("{name} moved by {moved}{turned}{force}"));

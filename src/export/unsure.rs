@@ -1,7 +1,7 @@
 //! Reasons why it is unknown how sure the forces of a body are.
 
 use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, MovedErrors};
-use crate::effect::expected::{CHANGED, unmeasurable};
+use crate::effect::expected::{CHANGED, finer_mesh, unmeasurable};
 use crate::effect::{Resolved, name_of};
 use crate::fem::TET10;
 use crate::scene::Method;
@@ -19,14 +19,14 @@ pub(super) enum ErrorSource<'a> {
 pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom: &[Freedom]) -> String {
     let (body, resolved) = (&scene.body[name], &scene.bodies[name]);
     if body.method == Method::Bem {
-        return "solve again with refine = 1, and compare".to_owned();
+        return finer_mesh(body);
     }
     if resolved.model.law().is_some() {
         let finer = match *body.element == TET10 {
-            true => format!("refine = {}", body.refine + 1),
-            false => "element = \"tet10\"".to_owned(),
+            true => finer_mesh(body),
+            false => "solve again with element = \"tet10\", and compare".to_owned(),
         };
-        return format!("none by the model; for the mesh's part solve again with {finer}, and compare");
+        return format!("none by the model; for the mesh's part {finer}");
     }
     if body.is_updated() {
         return CHANGED.to_owned();

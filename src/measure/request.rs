@@ -23,6 +23,8 @@ pub struct Limits {
 }
 
 impl Limits {
+    /// Unknowns of the largest solve, where no others are asked for.
+    pub const LARGEST: f64 = 300_000.0;
     /// Ratio of `largest_of_models` to `largest`.
     pub const MODELS_SHARE: f64 = 0.2;
 }

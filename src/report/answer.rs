@@ -301,7 +301,7 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
     let what = if rows[own].held().is_some() { "both" } else { "the shape" };
     let is_good = |row: &Measurement| row.worst() <= GOOD;
     let Some(i) = cheapest_with(rows, &ONLINE, is_good) else {
-        let Some(best) = most_accurate(rows) else { return String::new() };
+        let Some(best) = most_accurate(rows) else { return unjudged(rows).trim_start().to_owned() };
         let nearest = if best == own { "This one comes nearest".to_owned() } else { price(&rows[best]) };
         let verb =
             if best == own { String::new() } else { format!(" comes nearest, with {}", errors(&rows[best])) };
@@ -323,9 +323,10 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
     format!("{} brings {what} within 5 %: {}.", price(other), errors(other))
 }
 
-/// The rows that may be better, but of whose mesh nothing is known; empty where there are none.
+/// The rows that may be within 5 %, but of whose mesh nothing is known; empty where there are none.
 fn unjudged(rows: &[Measurement]) -> String {
-    let references: Vec<&Measurement> = rows.iter().filter(|row| row.is_reference()).collect();
+    let may_be = |row: &&Measurement| row.is_reference() && row.is_trusted() && row.worst() <= GOOD;
+    let references: Vec<&Measurement> = rows.iter().filter(may_be).collect();
     let Some(first) = references.first() else { return String::new() };
     let (count, mesh) = (references.len(), first.setting.mesh());
     let settings = if count == 1 { "setting" } else { "settings" };

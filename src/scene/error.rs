@@ -11,20 +11,25 @@ pub enum SceneError {
     Config(#[from] ConfigError),
     #[error("{}: no such file, and {message}; give one of these, or the path of a .toml file", path.display())]
     Unknown { path: PathBuf, message: String },
-    #[error("{}{}: {entity}: {message}", path.display(), line.map_or(String::new(), |line| format!(":{line}")))]
+    #[error("{}{}: {entity}: {message}", path.display(), at(*line))]
     Invalid {
         path: PathBuf,
-        /// Line of the entity in the file, where it is written there.
+        /// Line of the entity in the file, or of the innermost table around it that is written there.
         line: Option<usize>,
         entity: String,
         message: String,
     },
     #[error("{}: is a mesh or a surface, no scene; `greenstage new {}` makes a scene of it", path.display(), path.display())]
     IsMesh { path: PathBuf },
-    #[error("{}: body.{body}.mesh: {source}", path.display())]
-    Mesh { path: PathBuf, body: String, source: Box<MeshError> },
-    #[error("{}: {entity}: {source}", path.display())]
-    Generate { path: PathBuf, entity: String, source: generate::GenerateError },
+    #[error("{}{}: body.{body}.mesh: {source}", path.display(), at(*line))]
+    Mesh { path: PathBuf, line: Option<usize>, body: String, source: Box<MeshError> },
+    #[error("{}{}: {entity}: {source}", path.display(), at(*line))]
+    Generate { path: PathBuf, line: Option<usize>, entity: String, source: generate::GenerateError },
+}
+
+/// `:12` of a line that is known.
+fn at(line: Option<usize>) -> String {
+    line.map_or(String::new(), |line| format!(":{line}"))
 }
 
 impl SceneError {

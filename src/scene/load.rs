@@ -2,6 +2,7 @@
 
 use super::{Body, Generate, Method, Scene, SceneError, Tetrahedralise};
 use crate::base::input;
+use crate::config;
 use crate::mesh::quadratic::{Curve, straight};
 use crate::mesh::{
     self, LoadedMesh, TetMesh, blobs, generate, isosurface_stuffing, refine, surface_body, surface_files,
@@ -65,6 +66,7 @@ impl Scene {
     fn load_surface(&self, name: &str, body: &Body, file: &Path) -> Result<LoadedMesh, SceneError> {
         surface_body::load(&self.resolve(file), body.mesh_scale()).map_err(|source| SceneError::Mesh {
             path: self.path.clone(),
+            line: config::line_in(&self.path, &format!("body.{name}.mesh")),
             body: name.to_owned(),
             source: Box::new(source),
         })
@@ -100,6 +102,7 @@ impl Scene {
         let file = self.resolve(file);
         let failed = |source| SceneError::Mesh {
             path: self.path.clone(),
+            line: config::line_in(&self.path, &format!("body.{name}.mesh")),
             body: name.to_owned(),
             source: Box::new(source),
         };
@@ -134,6 +137,7 @@ impl Scene {
         };
         let failed = |source| SceneError::Generate {
             path: self.path.clone(),
+            line: config::line_in(&self.path, &format!("body.{name}.generate")),
             entity: format!("body.{name}.generate"),
             source,
         };

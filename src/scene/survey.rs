@@ -108,10 +108,16 @@ fn key_of<'a>(entity: &'a str, body: &str) -> Option<&'a str> {
 }
 
 impl SceneError {
-    /// The error as a finding, with the file's line or the key as its place.
+    /// The error as a finding, with the key as its place.
     pub fn finding(&self) -> Diagnostic {
         match self {
             SceneError::Invalid { entity, message, .. } => Diagnostic::new(Severity::Error, entity, message),
+            SceneError::Mesh { body, source, .. } => {
+                Diagnostic::new(Severity::Error, format!("body.{body}.mesh"), source.to_string())
+            }
+            SceneError::Generate { entity, source, .. } => {
+                Diagnostic::new(Severity::Error, entity, source.to_string())
+            }
             other => Diagnostic::new(Severity::Error, "", other.to_string()),
         }
     }

@@ -52,7 +52,7 @@ pub use ruler::SurfacePoint;
 pub use running::{RunningEffect, World};
 pub use state::{Input, State};
 pub use tool_place::ToolPlace;
-pub use turn_limits::{TurnLimits, Verdict, beyond_law, out_of_range, out_of_range_of};
+pub use turn_limits::{TurnLimits, Verdict, beyond_law, is_beyond_model, out_of_range, out_of_range_of};
 
 #[cfg(test)]
 pub mod tests;

@@ -4,7 +4,7 @@ use super::body::PlacedBody;
 use crate::deform::{
     Bearing, Deformer, Doubt, ModelEntry, REDUCED_NEO_HOOKEAN, law_strain, local_turn, mean_strain,
 };
-use crate::fem::NEO_HOOKEAN;
+use crate::fem::{NEO_HOOKEAN, STVK};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -13,13 +13,15 @@ const PIECES: usize = 256;
 /// Number of triangles whose strain is taken: as all of most bodies, for what pulls at a point strains few of them.
 const STRAINED: usize = 16_384;
 /// Number of triangles from which the strain against a material law is found, which costs a sum of all columns at each of their nodes.
-const STRAINED_BY_LAW: usize = 2048;
-/// Mean strain beyond which force and shape of small-strain theory are a tenth off, and the error for a mean strain of 1. A bar of
-/// St. Venant and Kirchhoff's law bears (1 + ε)(1 + ½ε) times as much, by 3/2 ε more; a liver pulled at a point, by mean strains of
-/// 2.7, 9 and 18 %, moves by 8, 19 and 28 % less, and by 0, 6 and 54 % more by neo-Hooke's law. Between the two laws, whose strain is
-/// that of [`law_strain`], the force of a bar differs by 10, 19, 33 and 53 % where it is pulled by 5, 10, 20 and 40 %.
-const MOST_STRAIN: f64 = 0.05;
+const STRAINED_BY_LAW: usize = 512;
+/// Error of force and shape beyond which a strain is told, and for a mean strain of 1. A bar of St. Venant and Kirchhoff's law bears
+/// (1 + ε)(1 + ½ε) times as much as by Hooke's, by 3/2 ε more; a liver pulled at a point, by mean strains of 2.7, 9 and 18 %, moves by 8,
+/// 19 and 28 % less, and by 0, 6 and 54 % more by neo-Hooke's law. Between these two laws, whose strain is that of [`law_strain`], the
+/// force of a bar of ν = 0.3 differs by 10, 19, 33 and 53 % where it is pulled by 5, 10, 20 and 40 %. Under the corotational law, which
+/// bears in proportion to ε, it differs half as much from neo-Hooke's.
+const MOST: f64 = 0.1;
 const ERROR: f64 = 2.0;
+const ERROR_OF_COROTATIONAL: f64 = 1.0;
 
 /// Largest turns for which a model is good, and for which it is fair, rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,40 +113,79 @@ pub fn out_of_range_of(deformer: &Deformer) -> Option<String> {
     words(TurnLimits::of_deformer(deformer), strained(deformer), deformer.doubt(), deformer.entry)
 }
 
-/// The strain of a body whose model or material law is one of small strain, by its poses, loads and forces at points; 0 of another.
-fn strain(deformer: &Deformer) -> f64 {
-    if matches!(deformer.entry.loads, Bearing::Columns) {
-        return mean_strain(deformer, STRAINED);
+/// Whether a body is bent or strained beyond the range of its model, or its state is in doubt. A strain beyond a material law is none of
+/// these: the model holds, for the material that the scene names.
+pub fn is_beyond_model(body: &PlacedBody) -> bool {
+    let (turn, limits) = TurnLimits::of_body(body);
+    let deformer = &body.deformer;
+    let is_strained = || sums_columns(deformer.entry) && strain(deformer).error() > MOST;
+    limits.verdict(turn).is_out_of_range() || deformer.doubt().is_some() || is_strained()
+}
+
+/// A strain, and the error of force and shape for a strain of 1.
+#[derive(Clone, Copy)]
+struct Strain {
+    mean: f64,
+    factor: f64,
+}
+
+impl Strain {
+    fn error(self) -> f64 {
+        self.factor * self.mean
+    }
+
+    fn words(self, advice: &str) -> Option<String> {
+        let (mean, error) = (100.0 * self.mean, 100.0 * self.error());
+        (self.error() > MOST)
+            .then(|| format!("strained by {mean:.0} %: force and shape may be {error:.0} % off{advice}"))
+    }
+}
+
+/// Whether a model sums columns of the theory of small strain.
+fn sums_columns(model: &ModelEntry) -> bool {
+    matches!(model.loads, Bearing::Columns)
+}
+
+/// The strain of a body by its poses, loads and forces at points, of which its model or its material law may be wrong.
+fn strain(deformer: &Deformer) -> Strain {
+    if sums_columns(deformer.entry) {
+        return Strain { mean: mean_strain(deformer, STRAINED), factor: ERROR };
     }
     let corners = |node: u32| {
         [Vector3::from(deformer.rest()[node as usize]).cast(), deformer.straining_part(node as usize)]
     };
-    strain_of_law(deformer.entry, deformer.triangles(), &corners, STRAINED_BY_LAW)
+    let free = deformer.free_stretch();
+    strain_of_law(deformer.entry, deformer.triangles(), &corners, free, STRAINED_BY_LAW)
 }
 
-/// The strain of a surface against its model's law, where that is one of small strain; else 0.
+/// The strain of a surface against its model's law.
 fn strain_of_law(
     model: &ModelEntry,
     triangles: &[[u32; 3]],
     corners: &dyn Fn(u32) -> [Vector3<f64>; 2],
+    free: f64,
     most: usize,
-) -> f64 {
-    let bears = model.large_strain_law().name == NEO_HOOKEAN.name;
-    if bears { 0.0 } else { law_strain(triangles, corners, most).abs() }
+) -> Strain {
+    let factor = match model.large_strain_law().name {
+        name if name == STVK.name => ERROR,
+        name if name == NEO_HOOKEAN.name => return Strain { mean: 0.0, factor: 0.0 },
+        _ => ERROR_OF_COROTATIONAL,
+    };
+    Strain { mean: law_strain(triangles, corners, free, most).abs(), factor }
 }
 
-/// A warning if a surface, of which `corners` has a node's place at rest and its displacement, is strained more than the law of its
-/// model is for.
+/// A warning if a surface is strained more than the law of its model is for: [`law_strain`] of all triangles.
 pub fn beyond_law(
     model: &ModelEntry,
     triangles: &[[u32; 3]],
     corners: &dyn Fn(u32) -> [Vector3<f64>; 2],
+    free: f64,
 ) -> Option<String> {
-    strain_words(strain_of_law(model, triangles, corners, usize::MAX), &advice(NEO_HOOKEAN.name))
+    strain_of_law(model, triangles, corners, free, usize::MAX).words(&advice(NEO_HOOKEAN.name))
 }
 
 /// [`strain`], and what bears more; no model of large strain is pressed at single points by effects.
-fn strained(deformer: &Deformer) -> (f64, String) {
+fn strained(deformer: &Deformer) -> (Strain, String) {
     let is_pressed = !deformer.contribution().points.is_empty();
     let has_fields = deformer.entry.is_reduced() && deformer.controls.len() == 2;
     let bears = if has_fields { REDUCED_NEO_HOOKEAN.name } else { NEO_HOOKEAN.name };
@@ -155,21 +196,15 @@ fn advice(model: &str) -> String {
     format!("; {model} bears large strain")
 }
 
-fn strain_words(strain: f64, advice: &str) -> Option<String> {
-    let (shown, off) = (100.0 * strain, 100.0 * ERROR * strain);
-    (strain > MOST_STRAIN)
-        .then(|| format!("strained by {shown:.0} %: force and shape may be {off:.0} % off{advice}"))
-}
-
 fn words(
     (turn, limits): (f64, TurnLimits),
-    (strain, advice): (f64, String),
+    (strain, advice): (Strain, String),
     doubt: Option<Doubt>,
     ModelEntry { name, .. }: &ModelEntry,
 ) -> Option<String> {
     let (turned, most) = (turn.to_degrees(), limits.fair.to_degrees());
     let held = format!("the model {name} holds up to {most:.0}°");
-    let strained = strain_words(strain, &advice);
+    let strained = strain.words(&advice);
     match limits.verdict(turn) {
         Verdict::Good | Verdict::Fair => doubt.map(|doubt| doubt.explain().to_owned()).or(strained),
         Verdict::Beyond => Some(format!("turned {:.1} times round; {held}", turn / (2.0 * PI))),
@@ -195,18 +230,19 @@ mod tests {
     fn a_body_that_is_bent_too_far_says_how_far_and_how_far_its_model_holds() {
         let table = TurnLimits::of_model(&ROTATION);
         let measured = TurnLimits { good: 0.7, fair: 0.7, is_measured: true };
+        let by = |mean: f64| Strain { mean, factor: ERROR };
         let none = String::new;
         let told =
-            |degrees: f64, limits| words((degrees.to_radians(), limits), (0.04, none()), None, &ROTATION);
+            |degrees: f64, limits| words((degrees.to_radians(), limits), (by(0.04), none()), None, &ROTATION);
         assert_eq!(told(44.0, table), None);
-        let lost = words((0.1, table), (0.5, none()), Some(Doubt::NoEquilibrium), &ROTATION);
+        let lost = words((0.1, table), (by(0.5), none()), Some(Doubt::NoEquilibrium), &ROTATION);
         assert_eq!(lost.as_deref(), Some("these poses have no equilibrium; an earlier one is shown"));
-        let strained = words((0.1, table), (0.2, "; advice".to_owned()), None, &ROTATION);
+        let strained = words((0.1, table), (by(0.2), "; advice".to_owned()), None, &ROTATION);
         assert_eq!(strained.as_deref(), Some("strained by 20 %: force and shape may be 40 % off; advice"));
         let holds = "; the model rotation holds up to 45°";
         assert_eq!(told(51.0, table), Some(format!("turned by 51°{holds}")));
         assert_eq!(told(45.2, table), Some(format!("turned by 45.2°{holds}")));
-        let both = words((1.0, table), (0.2, none()), None, &ROTATION);
+        let both = words((1.0, table), (by(0.2), none()), None, &ROTATION);
         assert_eq!(
             both,
             Some(format!("turned by 57°{holds}; strained by 20 %: force and shape may be 40 % off"))

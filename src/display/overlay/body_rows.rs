@@ -86,7 +86,10 @@ pub(super) fn gauge_rows(body: &BodyReading) -> Vec<Ranked> {
         (_, None) => match doubtful_force(body) {
             // No longer than the column.
             Some(part) if part >= 9.99 => format!("shape {}, forces wrong", verdict.name()),
-            Some(part) => format!("shape {}, forces ±{}", verdict.name(), percent(part)),
+            Some(part) => {
+                let least = if body.errors.is_some_and(|errors| errors.mesh.is_none()) { ">" } else { "" };
+                format!("shape {}, forces ±{least}{}", verdict.name(), percent(part))
+            }
             None => verdict.name().to_owned(),
         },
     };

@@ -347,7 +347,12 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
 #[test]
 fn a_doubtful_force_is_told_within_the_column() {
     use crate::deform::ErrorsAt;
-    for (wrench, told) in [(0.27, "forces ±27 %"), (9.9, "forces ±990 %"), (1e4, "forces wrong")] {
+    for (wrench, mesh, told) in [
+        (0.25, Some(0.02), "forces ±27 %"),
+        (0.27, None, "forces ±>27 %"),
+        (9.9, None, "forces ±>990 %"),
+        (1e4, None, "forces wrong"),
+    ] {
         for turn in [0.01, 0.5, 3.0] {
             let mut body = readings(turn).bodies.remove(0);
             let at = ErrorsAt {
@@ -359,7 +364,7 @@ fn a_doubtful_force_is_told_within_the_column() {
                 torque: Some(wrench),
                 shape: 0.0,
             };
-            body.errors = Some(ErrorReading { model: Some(at), mesh: None, unknown: None });
+            body.errors = Some(ErrorReading { model: Some(at), mesh, unknown: None });
             let row = text(&body_rows::gauge_rows(&body)[0].1);
             assert!(row.chars().count() <= LETTERS, "{row}");
             assert!(row.contains(told), "{row}");

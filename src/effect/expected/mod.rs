@@ -13,6 +13,7 @@ use super::entry::{EffectEntry, EffectInput, Resolved};
 use crate::base::failure::Failure;
 use crate::deform::{ErrorsAt, ExpectedErrors, FinerErrors, Hung, MeshErrors, MovedErrors};
 use crate::green::{GreenError, GreenFile, Precomputed, STIFFNESS, Tensor};
+use crate::mesh::refine;
 use crate::scene::{Body, Grab, Scene};
 use crate::solve::Progress;
 use crate::world::{BodyFrame, RunningEffect, World};
@@ -132,6 +133,14 @@ pub fn unmeasurable(body: &Body) -> Option<&'static str> {
     }
     let can_be_grabbed = body.control.values().any(|control| control.grab == Grab::Dragger);
     (!can_be_grabbed).then_some("no control element can be grabbed")
+}
+
+/// The advice to solve a body on a finer mesh.
+pub fn finer_mesh(body: &Body) -> String {
+    match body.refine < refine::MOST {
+        true => format!("solve again with refine = {}, and compare", body.refine + 1),
+        false => "solve again on a finer mesh, and compare".to_owned(),
+    }
 }
 
 /// Measures the body. Anything that cannot be measured is left out with the reason, and never keeps the body from being written.

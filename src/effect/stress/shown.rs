@@ -10,7 +10,7 @@ use crate::effect::entry::EffectInput;
 use crate::render::{Drawable, field_code};
 use crate::scene::{LegendSettings, Quantity};
 use crate::world::running::{Memory, read, written};
-use crate::world::{BodyFrame, Frame, PlacedBody, RunningEffect, SurfacePoint, World, out_of_range};
+use crate::world::{BodyFrame, Frame, PlacedBody, RunningEffect, SurfacePoint, World, is_beyond_model};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -153,7 +153,7 @@ impl ShownBody {
         self.nodes = self.stressed.stress(deformer);
         self.displacement = (0..deformer.node_count()).map(|i| deformer.displacement(i).norm()).collect();
         self.now = self.stressed.reached(&self.nodes);
-        self.is_beyond = out_of_range(body).is_some();
+        self.is_beyond = is_beyond_model(body);
         self.was_beyond |= self.is_beyond;
         let part = |reached: &Peaks| reached.limit.map_or(0.0, |(part, _)| part);
         let is_worse = part(&self.now) > part(&self.worst)
@@ -323,7 +323,7 @@ impl RunningEffect for Shown {
     fn summary(&mut self) -> String {
         let line = |body: &ShownBody| {
             let left_out =
-                if body.was_beyond { "; poses too far bent for its model are left out" } else { "" };
+                if body.was_beyond { "; poses beyond the range of its model are left out" } else { "" };
             format!("body.{}: {}{left_out}\n", body.name, body.worst.sentence())
         };
         self.bodies.iter().map(line).collect()

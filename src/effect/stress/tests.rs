@@ -278,7 +278,7 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
     world.show_by(effect.as_mut());
     assert_eq!(legend_of(&world).to, small);
     let summary = effect.summary();
-    assert!(summary.contains("poses too far bent for its model are left out"), "{summary}");
+    assert!(summary.contains("poses beyond the range of its model are left out"), "{summary}");
 }
 
 #[test]

@@ -91,7 +91,8 @@ impl Words {
                 label: format!("{name}: {}", pose_text::force(wrench, &told.error)),
             })
         };
-        let pushed = told.pushed.iter().map(|push| Arrow {
+        let acting = told.pushed.iter().filter(|push| push.force.norm() > 0.0);
+        let pushed = acting.map(|push| Arrow {
             place: push.rest,
             shift: push.moved,
             force: push.force,
@@ -101,7 +102,7 @@ impl Words {
             told.control.iter().zip(&told.places).zip(forces).filter_map(arrow).chain(pushed).collect();
         let grey = match told.pushed.is_empty() {
             true => "grey: held by a control element",
-            false => "grey: held by a control element, or at the point of a force",
+            false => "grey: control element, or point of a force",
         };
         let lines = pose_text::moves(result).into_iter().chain(pose_text::sentences(result, None)).collect();
         Words { title: result.pose.clone(), lines, arrows, grey }

@@ -64,7 +64,7 @@ pub fn base() -> Result<TetMesh, GreenError> {
 pub fn cells(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, GreenError> {
     block(&Block { size, cells }).map_err(|source| {
         let (path, entity) = (Path::new("hard-cases.toml").to_owned(), "body.b.generate".into());
-        SceneError::Generate { path, entity, source }.into()
+        SceneError::Generate { path, line: None, entity, source }.into()
     })
 }
 

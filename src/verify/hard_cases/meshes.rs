@@ -56,7 +56,7 @@ fn slivers() -> CaseRows {
 fn read(mesh: &TetMesh) -> Result<LoadedMesh, GreenError> {
     let failed = |source: MeshError| {
         let path = Path::new("hard-cases.toml").to_owned();
-        GreenError::from(SceneError::Mesh { path, body: "b".into(), source: Box::new(source) })
+        GreenError::from(SceneError::Mesh { path, line: None, body: "b".into(), source: Box::new(source) })
     };
     let bytes = encode(mesh, Encoding::Gmsh41Binary).map_err(failed)?;
     parse(Path::new("body.msh"), &bytes).map_err(failed)

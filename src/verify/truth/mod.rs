@@ -156,7 +156,7 @@ impl Judge<'_> {
             poses: &poses,
             pose_source: "random".into(),
             limits: Limits {
-                largest: LARGEST,
+                largest: Limits::LARGEST,
                 // Models with columns of their own on the scene's mesh alone.
                 largest_of_models: 3.1 * nodes,
                 refinements: 1,
@@ -208,9 +208,6 @@ impl Judge<'_> {
         Ok(())
     }
 }
-
-/// Unknowns of the largest solve, as `accuracy` has it.
-const LARGEST: f64 = 300_000.0;
 
 /// Statements of a row about shape and wrench, beside the true errors.
 fn statements(
