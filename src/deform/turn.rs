@@ -61,8 +61,8 @@ const POISSON: f64 = 0.3;
 ///
 /// the energy's part of third order against that of second, in plane stress under St. Venant and Kirchhoff's law: ε of a bar that is
 /// pulled (0.85 ε at ν = 0.49), and small of one that is bent or twisted, where fibres are pulled as much as others are pressed. So is
-/// that of a body of which one part is pulled as much as another is pressed. Such a bar bears 1 + 3/2 ε of what it does by Hooke's law,
-/// and 1 - 3ν/(1 + ν) ε by neo-Hooke's.
+/// that of a body of which one part is pulled as much as another is pressed. A pulled bar bears 1 + 3/2 ε times as much as by Hooke's
+/// law, by neo-Hooke's 1 - 3ν/(1 + ν) ε times.
 pub fn law_strain(
     triangles: &[[u32; 3]],
     corners: &dyn Fn(u32) -> [Vector3<f64>; 2],

@@ -25,7 +25,7 @@ const TWIN: f64 = 1.2;
 pub struct Stability {
     /// The least eigenvalue of the tangent stiffness at the free nodes, in parts of that at rest.
     pub least: f64,
-    /// That eigenvalue at rest, N/m.
+    /// The least eigenvalue at rest, N/m.
     pub at_rest: f64,
     /// The share of the way at which it extrapolates to zero; `None` where it does not fall.
     pub zero_at: Option<f64>,
@@ -49,7 +49,7 @@ impl Stability {
 
 /// A matrix applied to a block of columns.
 type Multiply<'a> = &'a dyn Fn(&DMatrix<f64>) -> DMatrix<f64>;
-/// Its inverse applied to one.
+/// The inverse of that matrix, applied to a block of columns.
 type Solve<'a> = &'a dyn Fn(&DMatrix<f64>) -> Result<DMatrix<f64>, SolveError>;
 
 /// The eigenvalues of a symmetric matrix with `rows` rows that are nearest to zero, ascending, and the mode of the first, of length 1. The

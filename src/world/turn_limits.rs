@@ -17,8 +17,8 @@ const STRAINED_BY_LAW: usize = 512;
 /// Error of force and shape beyond which a strain is told, and for a mean strain of 1. A bar of St. Venant and Kirchhoff's law bears
 /// (1 + ε)(1 + ½ε) times as much as by Hooke's, by 3/2 ε more; a liver pulled at a point, by mean strains of 2.7, 9 and 18 %, moves by 8,
 /// 19 and 28 % less, and by 0, 6 and 54 % more by neo-Hooke's law. Between these two laws, whose strain is that of [`law_strain`], the
-/// force of a bar of ν = 0.3 differs by 10, 19, 33 and 53 % where it is pulled by 5, 10, 20 and 40 %. That of the
-/// corotational law is in proportion to ε, and differs from neo-Hooke's by 3ν/(1 + ν) ε, at most ε.
+/// force of a bar of ν = 0.3 differs by 10, 19, 33 and 53 % where it is pulled by 5, 10, 20 and 40 %. That of the corotational law is in
+/// proportion to ε, and differs from neo-Hooke's by 3ν/(1 + ν) ε, at most ε.
 const MOST: f64 = 0.1;
 const ERROR: f64 = 2.0;
 const ERROR_OF_COROTATIONAL: f64 = 1.0;

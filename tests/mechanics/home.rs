@@ -261,8 +261,8 @@ fn bodies_come_home_from_hostile_trackers() {
     });
 }
 
-/// A bar pulled by a fifth bears 33 % less under neo-Hooke's law than under St. Venant and Kirchhoff's, and by a hundredth 2 %: a strain
-/// beyond its law is told of every model but those that bear it.
+/// A bar pulled by a fifth bears 33 % less under neo-Hooke's law than under St. Venant and Kirchhoff's, one pulled by a fiftieth 4 %:
+/// a strain beyond its law is told of every model but those that bear it.
 #[test]
 fn a_strain_beyond_a_models_law_is_told() {
     side_by_side(MODELS, |model| {
