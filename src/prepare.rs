@@ -10,7 +10,9 @@ use crate::base::progress::{Bars, Progress};
 use crate::base::signal::{OnEnd, on_end};
 use crate::effect;
 pub use crate::effect::Resolved;
-use crate::green::{self, Changes, GreenError, GreenFile, Journal, KEPT_AFTER, Precomputed, Requirements};
+use crate::green::{
+    self, Changes, GreenError, GreenFile, Journal, KEPT_AFTER, Keeping, Precomputed, Requirements,
+};
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Scene};
 use std::path::{Path, PathBuf};
@@ -87,15 +89,16 @@ pub fn fresh(scene: &Resolved, path: &Path) -> Result<Result<GreenFile, GreenErr
 
 /// Precomputes every body of the scene.
 pub fn precompute(scene: &Resolved, quiet: bool) -> Result<Vec<Precomputed>, Failure> {
-    precompute_telling(&scene.as_prepared(), None, &|name| Box::new(Bars::new(name, quiet)))
+    precompute_telling(&scene.as_prepared(), Keeping::default(), &|name| Box::new(Bars::new(name, quiet)))
 }
 
 /// Precomputes every body and writes the .green file, whose size it returns with the time of writing, s. A run that is ended
-/// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there.
+/// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there. Where `is_cached`,
+/// equilibria stay in the cache folder.
 pub fn make(
     scene: &Resolved,
     path: &Path,
-    kept_after: Duration,
+    (kept_after, is_cached): (Duration, bool),
     teller: Teller<'_>,
 ) -> Result<(Vec<Precomputed>, u64, f64), Failure> {
     let scene = &scene.as_prepared();
@@ -108,7 +111,7 @@ pub fn make(
     };
     let journal = Journal::new(path, kept_after, &identity);
     let unwritten = unwritten(path);
-    let bodies = precompute_telling(scene, Some(&journal), teller)?;
+    let bodies = precompute_telling(scene, Keeping { journal: Some(&journal), is_cached }, teller)?;
     drop(unwritten);
     let writing = Instant::now();
     let size = green::write(path, &bodies).map_err(|error| unwritable(error, path))?;
@@ -118,7 +121,7 @@ pub fn make(
 
 fn precompute_telling(
     scene: &Resolved,
-    journal: Option<&Journal<'_>>,
+    keeping: Keeping<'_>,
     teller: Teller<'_>,
 ) -> Result<Vec<Precomputed>, Failure> {
     scene
@@ -126,7 +129,7 @@ fn precompute_telling(
         .keys()
         .map(|name| {
             let (requirements, progress) = (scene.requirements(name)?, teller(name));
-            let precomputed = effect::precompute(scene, name, &requirements, journal, &*progress)?;
+            let precomputed = effect::precompute(scene, name, &requirements, keeping, &*progress)?;
             diagnostic::report("", &precomputed.solution.notices);
             Ok(precomputed)
         })
@@ -183,7 +186,7 @@ fn prepared_file(
     notice!("{} {reason}: precomputing", path.display());
     let tried = output::try_path(&path, &green::GREEN, &inputs(scene));
     tried.map_err(|error: OutputError| unwritable(error.into(), &path))?;
-    make(scene, &path, KEPT_AFTER, teller)?;
+    make(scene, &path, (KEPT_AFTER, true), teller)?;
     Ok(Arc::new(GreenFile::open(&path)?))
 }
 
@@ -222,7 +225,8 @@ fn changed_base(
         match known.iter().find(|file| holds(file, body)) {
             Some(file) => kept.push((file.as_ref(), *name)),
             None => {
-                let precomputed = effect::precompute(scene, name, required, None, progress)?;
+                let keeping = Keeping { journal: None, is_cached: true };
+                let precomputed = effect::precompute(scene, name, required, keeping, progress)?;
                 diagnostic::report("", &precomputed.solution.notices);
                 made.push(precomputed);
             }

@@ -1,9 +1,11 @@
 //! The cache folder: files for scenes that have no folder of their own. All of them can be made again.
 
 use super::diagnostic::notice;
+use std::fs::File;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use std::time::SystemTime;
 
 /// A folder that this user can write to, made where it is missing: `greenstage` in `$XDG_CACHE_HOME`, else in `~/.cache`, else,
 /// with a note, a folder of this user's below that for temporary files.
@@ -37,6 +39,52 @@ fn is_ours(folder: &Path) -> bool {
     made.is_ok() && owned && tempfile::tempfile_in(folder).is_ok()
 }
 
+/// Size and time of the program's own file, which differ between two builds: results of one are nothing to another.
+pub fn program() -> String {
+    let file = std::env::current_exe().and_then(|path| path.metadata());
+    file.map_or_else(
+        |_| String::new(),
+        |file| format!("{} {} {}", file.len(), file.mtime(), file.mtime_nsec()),
+    )
+}
+
+/// Removes files whose names begin with `prefix`, but for `used`, from the one on that was not used for longest, until all of them
+/// take no more than `most` bytes. `used` is the one used last from now on.
+pub fn trim(prefix: &str, used: &str, most: u64) {
+    trim_in(folder(), prefix, used, most);
+}
+
+fn trim_in(folder: &Path, prefix: &str, used: &str, most: u64) {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Ok(found) = entry.metadata() else { continue };
+        let name = entry.file_name();
+        if !found.is_file() || !name.as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            continue;
+        }
+        let mut time = found.modified().ok();
+        if name == used {
+            time = Some(SystemTime::now());
+            // Its age matters to no result.
+            let _ = File::options()
+                .append(true)
+                .open(entry.path())
+                .and_then(|file| file.set_modified(SystemTime::now()));
+        }
+        all.push((time, found.len(), entry.path()));
+    }
+    all.sort();
+    let mut total: u64 = all.iter().map(|(_, size, _)| size).sum();
+    for (_, size, path) in all {
+        if total <= most || path.ends_with(used) {
+            break;
+        }
+        // Another process may have removed it.
+        let _ = std::fs::remove_file(path);
+        total -= size;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,5 +95,27 @@ mod tests {
         assert!(is_ours(&place.path().join("a/b")));
         std::fs::write(place.path().join("file"), "").unwrap();
         assert!(!is_ours(&place.path().join("file")) && !is_ours(&place.path().join("file/c")));
+    }
+
+    #[test]
+    fn the_files_not_used_for_longest_are_removed() {
+        let place = tempfile::tempdir().unwrap();
+        for (name, age) in [("a-1", 4), ("a-2", 3), ("b", 2), ("a-3", 1)] {
+            std::fs::write(place.path().join(name), [0; 10]).unwrap();
+            let file = File::options().append(true).open(place.path().join(name)).unwrap();
+            file.set_modified(SystemTime::now() - std::time::Duration::from_secs(age)).unwrap();
+        }
+        let left = || {
+            let names = std::fs::read_dir(place.path()).unwrap().map(|entry| entry.unwrap().file_name());
+            let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();
+            names.sort();
+            names
+        };
+        trim_in(place.path(), "a-", "a-1", 30);
+        assert_eq!(left(), ["a-1", "a-2", "a-3", "b"]);
+        trim_in(place.path(), "a-", "a-4", 20);
+        assert_eq!(left(), ["a-1", "a-3", "b"]);
+        trim_in(place.path(), "a-", "a-3", 5);
+        assert_eq!(left(), ["a-3", "b"]);
     }
 }

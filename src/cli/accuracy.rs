@@ -9,7 +9,7 @@ use crate::base::output::Scratch;
 use crate::base::progress::Bars;
 use crate::base::table::count;
 use crate::config::unknown_name;
-use crate::deform::pose_file;
+use crate::deform::{ControlPose, pose_file};
 use crate::green::Requirements;
 use crate::measure::{self, Limits, Measurement, Request, TimeLimit};
 use crate::prepare::{self, Resolved};
@@ -153,15 +153,20 @@ fn all_poses(args: &Args, scene: &Resolved, name: &str) -> Result<NamedPoses, Fa
         let body = &scene.body[name];
         let file = pose_file::load(path)?;
         let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
-        if let Some(pose) = own.clone().find(|pose| pose.goes_on_from.is_some()) {
-            return Err(Failure::wrong(format!(
-                "{}: pose \"{}\" goes on from another (`after`); the report takes every pose from rest",
-                path.display(),
-                pose.name
-            )));
+        let mut poses = Vec::new();
+        for pose in own {
+            let moved = pose_file::control_poses(pose, name, body, path)?;
+            let is_rest = moved.iter().all(|pose| *pose == ControlPose::REST);
+            if let Some(what) = pose.beyond_motion().or(is_rest.then_some("moves nothing")) {
+                return Err(Failure::wrong(format!(
+                    "{}: pose \"{}\" {what}; the report measures errors of control elements that are moved from rest and held",
+                    path.display(),
+                    pose.name
+                )));
+            }
+            poses.push((pose.name.clone(), moved));
         }
-        let own = own.map(|pose| Ok((pose.name.clone(), pose_file::control_poses(pose, name, body, path)?)));
-        return Ok((own.collect::<Result<_, Failure>>()?, format!("the pose file {}", path.display())));
+        return Ok((poses, format!("the pose file {}", path.display())));
     }
     scripted_or_random(scene, name, args.seed, args.quick)
 }

@@ -5,6 +5,7 @@
 //! of the model ([`PathKind::HeldOut`]), so that it cannot know them.
 
 use super::deformer::Deformer;
+use super::errors_at::percent;
 use super::model::ModelEntry;
 use super::pose::frame::{ControlPose, Wrench};
 use super::pose::se3;
@@ -126,9 +127,7 @@ impl ModelReach {
 
 fn part_text(part: f64) -> String {
     match part {
-        part if part < 1e-3 => "0.1 %".to_owned(),
-        part if part < 0.1 => format!("{:.1} %", 100.0 * part),
-        part if part.is_finite() => format!("{:.0} %", 100.0 * part),
+        part if part.is_finite() => percent(part),
         _ => "an unknown error".to_owned(),
     }
 }

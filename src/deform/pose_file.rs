@@ -69,6 +69,17 @@ impl Pose {
         let of = |affine: &Affine| affine.free.is_some() || affine.force.is_some() || affine.moment.is_some();
         self.control.values().any(of)
     }
+
+    /// What the pose says beside where its control elements are, in the file's words; `None` where that is all.
+    pub fn beyond_motion(&self) -> Option<&'static str> {
+        match () {
+            () if self.after.is_some() => Some("goes on from another (`after`)"),
+            () if self.finds() => Some("has free directions or is pushed (`free`, `force`, `moment`)"),
+            () if !self.load.is_empty() => Some("has loads (`load`)"),
+            () if !self.force.is_empty() => Some("has forces at points (`force`)"),
+            () => None,
+        }
+    }
 }
 
 /// A list of x, y, z, rx, ry, rz, `translation` and `rotation`.

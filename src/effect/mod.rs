@@ -27,7 +27,7 @@ pub use resolved::requirements;
 
 use crate::base::failure::Failure;
 use crate::green::{
-    self, Assembled, Further, GreenError, GreenFile, Journal, Precomputed, Requirements, Solution, Tensor,
+    self, Assembled, Further, GreenError, GreenFile, Keeping, Precomputed, Requirements, Solution, Tensor,
     is_column,
 };
 use crate::solve::Progress;
@@ -40,7 +40,7 @@ pub fn precompute(
     scene: &Resolved,
     name: &str,
     requirements: &Requirements,
-    journal: Option<&Journal<'_>>,
+    keeping: Keeping<'_>,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
     let of_body = &scene.bodies[name];
@@ -55,7 +55,7 @@ pub fn precompute(
     };
     let further: Option<Further<'_>> = (!solves.is_empty()).then_some(&further);
     let fits = of_body.model.fits;
-    let mut body = green::precompute_kept(scene, name, requirements, fits, further, journal, progress)?;
+    let mut body = green::precompute_kept(scene, name, requirements, fits, further, keeping, progress)?;
     add_sections(scene, &mut body, progress)?;
     Ok(body)
 }

@@ -6,9 +6,8 @@ use super::control::FIELDS;
 use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
 use super::family::{Assembled, FamilyEntry, Further};
-use super::journal::Journal;
 use super::judge::judge;
-use super::kept::{Keep, KeptSolves};
+use super::kept::{Keep, Keeping, KeptSolves};
 use super::prepare::{Fits, Prepared};
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
@@ -32,29 +31,30 @@ pub fn precompute(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
-    precompute_kept(scene, name, requirements, None, None, None, progress)
+    precompute_kept(scene, name, requirements, None, None, Keeping::default(), progress)
 }
 
-/// [`precompute`] of a body that its model judges first, with what is computed further; finished columns are kept in a journal
-/// and taken from there.
+/// [`precompute`] of a body that its model judges first, with what is computed further; what is finished is kept, and taken from where
+/// it is kept.
 pub fn precompute_kept(
     scene: &Scene,
     name: &str,
     requirements: &Requirements,
     fits: Option<Fits>,
     further: Option<Further<'_>>,
-    journal: Option<&Journal<'_>>,
+    keeping: Keeping<'_>,
     progress: &dyn Progress,
 ) -> Result<Precomputed, GreenError> {
     // Taken first: what changes while the body is solved makes the file stale, not silently wrong.
     let fingerprint = super::fingerprint(scene, name, requirements)?;
-    let keep = journal.map(|journal| Keep { journal, fingerprint: &fingerprint });
+    let keep = keeping.journal.map(|journal| Keep { journal, fingerprint: &fingerprint });
     let (prepared, mesh_s) = prepared(scene, name, progress)?;
     if let Some(Err((Severity::Error, why))) = fits.map(|fits| fits(&prepared)) {
         refuse(scene, &prepared.findings)?;
         return Err(scene.invalid(&format!("body.{name}.model"), why).into());
     }
-    let mut solution = solve_kept(scene, name, prepared, requirements, (further, keep), progress)?;
+    let kept = (keep, keeping.is_cached);
+    let mut solution = solve_kept(scene, name, prepared, requirements, (further, kept), progress)?;
     solution.times.mesh_s += mesh_s;
     Ok(Precomputed {
         name: name.to_owned(),
@@ -98,7 +98,7 @@ pub fn solve_prepared(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
-    solve_kept(scene, name, prepared, requirements, (None, None), progress)
+    solve_kept(scene, name, prepared, requirements, (None, (None, false)), progress)
 }
 
 /// Computes what each family holds, and how long that takes; then what else is asked for.
@@ -138,7 +138,7 @@ fn solve_kept(
     name: &str,
     prepared: Prepared,
     requirements: &Requirements,
-    (further, keep): (Option<Further<'_>>, Option<Keep<'_>>),
+    (further, (keep, is_cached)): (Option<Further<'_>>, (Option<Keep<'_>>, bool)),
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
@@ -232,8 +232,18 @@ fn solve_kept(
         None => Ok(NodeFields::zeros(b.nodes, b.columns)),
     };
     let (k, partition, factor) = (&k, &partition, factor.as_deref());
-    let assembled =
-        Assembled { place: &place, scene, name, body, lame: &lame, k, partition, factor, solve: &solve };
+    let assembled = Assembled {
+        place: &place,
+        scene,
+        name,
+        body,
+        lame: &lame,
+        k,
+        partition,
+        factor,
+        is_cached,
+        solve: &solve,
+    };
     add_families(&families, further, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;

@@ -18,6 +18,7 @@ use super::families::{
 use super::family::FamilyEntry;
 use super::file::{BodyMeta, GreenFile};
 use super::judge::judge;
+use super::kept::Keeping;
 use super::prepare::{Fits, prepare};
 use super::requirements::Requirements;
 use super::update::{Change, ChangedSystem, Updated, Updates};
@@ -166,7 +167,7 @@ fn solved_anew(
 ) -> Result<Contents, GreenError> {
     let before = base.meta.bodies.get(name);
     let requirements = before.map(|meta| meta.requirements.without(UPDATES)).unwrap_or_default();
-    let mut body = precompute_kept(scene, name, &requirements, fits, None, None, progress)?;
+    let mut body = precompute_kept(scene, name, &requirements, fits, None, Keeping::default(), progress)?;
     body.fingerprint = before.map(changed_fingerprint).unwrap_or_default();
     notices.append(&mut body.solution.notices);
     let (meta, tensors) = contents(&body);

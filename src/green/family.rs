@@ -47,6 +47,8 @@ pub struct Assembled<'a> {
     pub partition: &'a Partition,
     /// The factor of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
     pub factor: Option<&'a dyn Factor>,
+    /// Whether results that a body takes long to find are kept in the user's cache folder, and taken from there.
+    pub is_cached: bool,
     /// Solves A x = b at the free nodes by it.
     pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,
 }

@@ -70,10 +70,38 @@ impl<'a> Journal<'a> {
     /// The journal next to a .green file, with the results that a killed run left there, which a notice reports. `identity`
     /// computes the hash of the scene's state.
     pub fn new(green: &Path, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
-        let path = path_of(green);
         let is_place =
             std::fs::metadata(green).map_or_else(|e| e.kind() == ErrorKind::NotFound, |m| m.is_file());
-        let state = if is_place { found(&path, identity) } else { State::Closed };
+        let path = path_of(green);
+        if !is_place {
+            return Journal::of(path, kept_after, identity, State::Closed);
+        }
+        let journal = Journal::at(path, kept_after, identity);
+        if let State::Open(records) = &*journal.state()
+            && !records.contents.is_empty()
+        {
+            let (count, size) = (records.contents.len(), bytes(records.end as f64));
+            let results = if count == 1 { "result" } else { "results" };
+            notice!(
+                "{}: {count} finished {results} of a run that was ended ({size}) are taken up",
+                journal.path.display()
+            );
+        }
+        journal
+    }
+
+    /// The journal at this path, with what is there.
+    pub fn at(path: PathBuf, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
+        let state = found(&path, identity);
+        Journal::of(path, kept_after, identity, state)
+    }
+
+    fn of(
+        path: PathBuf,
+        kept_after: Duration,
+        identity: &'a dyn Fn() -> Option<Key>,
+        state: State,
+    ) -> Journal<'a> {
         Journal { path, identity, started: Instant::now(), kept_after, state: Mutex::new(state) }
     }
 
@@ -208,17 +236,7 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
         };
     }
     match Records::read(file) {
-        Ok(records) => {
-            let (count, size) = (records.contents.len(), bytes(records.end as f64));
-            let results = if count == 1 { "result" } else { "results" };
-            if count > 0 {
-                notice!(
-                    "{}: {count} finished {results} of a run that was ended ({size}) are taken up",
-                    path.display()
-                );
-            }
-            State::Open(records)
-        }
+        Ok(records) => State::Open(records),
         Err(error) => {
             notice!("{}: finished columns are not kept: {error}", path.display());
             State::Closed

@@ -11,6 +11,15 @@ use serde::de::DeserializeOwned;
 use std::cell::{Cell, OnceCell};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
+/// What a run keeps for those after it.
+#[derive(Clone, Copy, Default)]
+pub struct Keeping<'a> {
+    /// Finished columns, until the .green file is there.
+    pub journal: Option<&'a Journal<'a>>,
+    /// Whether results that a body takes long to find are kept in the user's cache folder, and taken from there.
+    pub is_cached: bool,
+}
+
 /// The journal that keeps the solves of a body.
 #[derive(Clone, Copy)]
 pub struct Keep<'a> {

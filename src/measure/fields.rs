@@ -115,10 +115,10 @@ fn superposed(solution: &Solution, output: &ModelOutput) -> Vec<Vector3<f64>> {
 
 /// The whole displacement R (X + u) + t - X, or the model's own.
 pub fn displaced(solution: &Solution, output: &ModelOutput) -> Vec<Vector3<f64>> {
-    let u = superposed(solution, output);
     if let Some(own) = &output.own {
         return own.clone();
     }
+    let u = superposed(solution, output);
     let (rotation, shift) = (output.motion.rotation, output.motion.translation.vector);
     let displacement = |(x, u): (&Vector3<f64>, &Vector3<f64>)| {
         let x = x - output.centre;

@@ -5,6 +5,7 @@
 //! is kept without its mesh, which is made again.
 
 use super::request::Request;
+use crate::base::cache;
 use crate::base::machine::{self, load};
 use crate::fem::NodeFields;
 use crate::green::{
@@ -18,7 +19,6 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
 
 /// The folder of an unfinished run, below the report's.
 pub const FOLDER: &str = "unfinished";
@@ -115,15 +115,11 @@ fn fingerprint(request: &Request<'_>) -> String {
     let name = request.body;
     let requirements = (request.requirements_of)(request.scene);
     let body = green::fingerprint(request.scene, name, &requirements).unwrap_or_default();
-    let program = std::env::current_exe().and_then(|path| path.metadata()).map_or((0, 0), |file| {
-        let modified = file.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-        (file.len(), modified.map_or(0, |time| time.as_secs()))
-    });
     let settings = &request.scene.body[name];
     let text = format!(
-        "{body} {} {:?} {:?} {:?} {} {} {:?} {:?}",
+        "{body} {} {} {:?} {:?} {} {} {:?} {:?}",
         env!("CARGO_PKG_VERSION"),
-        program,
+        cache::program(),
         request.poses,
         request.limits,
         request.quick,

@@ -6,7 +6,8 @@ use crate::base::columns::ColumnGroup;
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPose, ControlPoses, Deformer, ModelEntry};
 use crate::effect::{self, EFFECTS, EffectEntry, Resolved};
-use crate::green::{self, GreenError, GreenFile, Requirements};
+use crate::green::{self, GreenError, GreenFile, Keeping, Requirements};
+use crate::mesh::quality::bounding_box;
 use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;
@@ -19,6 +20,8 @@ pub const STRETCHES: usize = 5;
 /// A deformer and the times that its evaluations took.
 pub struct TimedDeformer {
     pub deformer: Deformer,
+    /// The largest extent of the body, m.
+    extent: f64,
     /// Times of one evaluation with all control elements moved, s, by stretches.
     all_s: [Vec<f64>; STRETCHES],
     /// Times of one evaluation with the last control element moved alone, s, by stretches.
@@ -35,7 +38,10 @@ impl TimedDeformer {
         model: &'static ModelEntry,
     ) -> Result<TimedDeformer, String> {
         let deformer = Deformer::new(file.clone(), body, model)?;
-        Ok(TimedDeformer { deformer, all_s: Default::default(), one_s: Default::default(), columns_read: 0 })
+        let rest: Vec<_> = deformer.rest().iter().map(|&x| Vector3::from(x.map(f64::from))).collect();
+        let (low, high) = bounding_box(&rest);
+        let [all_s, one_s] = Default::default();
+        Ok(TimedDeformer { deformer, extent: (high - low).amax(), all_s, one_s, columns_read: 0 })
     }
 
     /// The median of the calmest stretch with all control elements moved, the 99th percentile of all stretches, and the median
@@ -87,12 +93,12 @@ pub fn time_in_turn(timed_deformers: &mut [&mut TimedDeformer], poses: &[Control
         }
         for round in turn * near..(turn + 1) * near {
             for timed_deformer in timed_deformers.iter_mut() {
-                let deformer = &mut timed_deformer.deformer;
+                let (deformer, extent) = (&mut timed_deformer.deformer, timed_deformer.extent);
                 deformer.evaluate(pose);
-                let mut moved = jogged(pose, round, 0);
+                let mut moved = jogged(pose, extent, round, 0);
                 let (all_s, columns) = timed(deformer, &moved);
                 let last = moved.len() - 1;
-                moved[last] = jogged(pose, round + 1, last)[last];
+                moved[last] = jogged(pose, extent, round + 1, last)[last];
                 let (one_s, _) = timed(deformer, &moved);
                 timed_deformer.all_s[stretch].push(all_s);
                 timed_deformer.one_s[stretch].push(one_s);
@@ -110,14 +116,15 @@ fn timed(deformer: &mut Deformer, poses: &ControlPoses) -> (f64, usize) {
     (started.elapsed().as_secs_f64() - deformer.times.normals_s, stats.columns_read)
 }
 
-/// The pose with every control element from `first` on moved and turned a little as by a hand, each by another angle and fixed
-/// ones too, so that all their columns are summed again.
-fn jogged(poses: &ControlPoses, round: usize, first: usize) -> ControlPoses {
+/// The pose of a body of this extent with every control element from `first` on moved and turned a little as by a hand, each by
+/// another angle and fixed ones too, so that all their columns are summed again.
+fn jogged(poses: &ControlPoses, extent: f64, round: usize, first: usize) -> ControlPoses {
     let by = 1e-4 * (1.0 + (round % 97) as f64);
     let jog = |(e, pose): (usize, &ControlPose)| {
         let by = by * (1.0 + e as f64);
         let turn = Rotation3::from_scaled_axis(Vector3::new(0.2, 0.5, 1.0) * by);
-        let moved = ControlPose { translation: pose.translation.add_scalar(by), matrix: turn * pose.matrix };
+        let translation = pose.translation.add_scalar(by * extent);
+        let moved = ControlPose { translation, matrix: turn * pose.matrix };
         if e >= first { moved } else { *pose }
     };
     poses.iter().enumerate().map(jog).collect()
@@ -166,7 +173,7 @@ fn with_effects(
     poses: &ControlPoses,
     folder: &Path,
 ) -> Result<[f64; 4], GreenError> {
-    let precomputed = effect::precompute(scene, body, &requirements, None, &Silent)?;
+    let precomputed = effect::precompute(scene, body, &requirements, Keeping::default(), &Silent)?;
     let offline_s: f64 = precomputed.solution.times.families_s.values().sum();
     let path = folder.join("effects.green");
     let file_bytes = green::write(&path, std::slice::from_ref(&precomputed))? as f64;

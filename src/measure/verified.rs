@@ -23,8 +23,8 @@ use std::collections::BTreeMap;
 
 /// Unknowns of the largest finer reference, which is solved some dozen times for each pose.
 const LARGEST: f64 = 60_000.0;
-/// Nodes of a quadratic mesh over those of the linear one, at most.
-const QUADRATIC: f64 = 8.0;
+/// Nodes of the finer reference over those of the body, at most.
+const GROWN: f64 = 8.0;
 
 /// The worst errors of a setting.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,8 +149,7 @@ fn reference(
     row: &Measurement,
 ) -> Result<Option<(Statics, [f64; 2], String)>, Failure> {
     let is_linear = scene.body[name].element.order == 1;
-    let grown = if is_linear { QUADRATIC } else { 8.0 };
-    let is_finer = 3.0 * grown * row.mesh_nodes as f64 <= LARGEST;
+    let is_finer = 3.0 * GROWN * row.mesh_nodes as f64 <= LARGEST;
     let truth = if is_finer { Truth::Finer } else { Truth::SameMesh };
     let statics = match truth.statics(scene, name, &Silent) {
         Ok(statics) => statics,
@@ -162,9 +161,9 @@ fn reference(
         return Ok(Some((statics, [0.0; 2], format!("static equilibrium with tet10 on {mesh}"))));
     }
     // What the mesh adds is known from the table alone.
-    let Some(mesh) = row.error.discretisation else { return Ok(None) };
+    let Some((shape, held)) = row.error.discretisation.zip(row.error.mesh_held) else { return Ok(None) };
     let against = "static equilibrium on the same mesh, with the error of the mesh from the table";
-    Ok(Some((statics, [mesh.worst; 2], against.into())))
+    Ok(Some((statics, [shape.worst, held.worst], against.into())))
 }
 
 /// The deformer's surface nodes and those of `nodes` at the same places.

@@ -5,7 +5,7 @@ use crate::common;
 use common::folder;
 use greenstage::deform::{ControlPose, Deformer, ROTATION};
 use greenstage::effect::{self, Resolved, stress::StressedBody};
-use greenstage::green::{self, AFFINE, GreenFile, LOAD_FIELDS, LOADS, Requirements};
+use greenstage::green::{self, AFFINE, GreenFile, Keeping, LOAD_FIELDS, LOADS, Requirements};
 use greenstage::interact::{
     Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
@@ -143,7 +143,7 @@ fn ghosts() {
 fn the_strip_is_precomputed_with_its_modes() {
     let scene = Resolved::load(&config("scenes/pluck.toml")).unwrap();
     let required = scene.requirements("strip").unwrap();
-    let made = effect::precompute(&scene, "strip", &required, None, &Silent).unwrap();
+    let made = effect::precompute(&scene, "strip", &required, Keeping::default(), &Silent).unwrap();
     let path = folder("configs-pluck").join("strip.green");
     green::write(&path, &[made]).unwrap();
     let file = GreenFile::open(&path).unwrap();

@@ -58,7 +58,7 @@ fn made(path: &Path) -> (Vec<u8>, Vec<u8>, String) {
     let seen = Arc::default();
     let teller =
         |_: &str| -> Box<dyn Progress> { Box::new(Watch { part: part.clone(), seen: Arc::clone(&seen) }) };
-    prepare::make(&scene, &green, Duration::ZERO, &teller).unwrap();
+    prepare::make(&scene, &green, (Duration::ZERO, false), &teller).unwrap();
     assert!(!part.exists(), "the journal is gone");
     let (journal, told) = std::mem::take(&mut *seen.lock().unwrap());
     (std::fs::read(green).unwrap(), journal, told)

@@ -263,7 +263,7 @@ impl<'a> Search<'a> {
                         100.0 * share
                     ));
                 }
-                Err(_) => part *= 0.5,
+                Err(_) => part = 0.5 * (to - share),
             }
         }
     }

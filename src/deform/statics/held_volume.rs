@@ -5,7 +5,7 @@
 //! too. The factor of one tangent stiffness serves many of them, and is made anew where the iterations grow.
 
 use super::background::{Asked, Background, Found, Next, Shared, lock, lose, next};
-use super::load_steps;
+use super::step_count;
 use super::way::warmed;
 use crate::deform::loads::applied::StaticForces;
 use crate::deform::loads::lumped::NodalLoads;
@@ -178,7 +178,7 @@ impl HeldVolume {
             let aim = legs.front().unwrap_or(&asked.poses);
             let ways: Vec<Way> =
                 warm.held.poses.iter().zip(aim).map(|(from, to)| Way::onwards(from, to)).collect();
-            let share = 0.5f64.powi(warm.halved as i32) / load_steps(&ways, self.size).ceil().max(1.0);
+            let share = 0.5f64.powi(warm.halved as i32) / step_count(&ways, self.size) as f64;
             let poses = match share {
                 1.0 => aim.clone(),
                 share => ways.iter().map(|way| way.pose(share)).collect(),

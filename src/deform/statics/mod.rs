@@ -403,7 +403,7 @@ impl Statics {
 
     /// The way from `start` to `poses`.
     fn way<'a>(&'a self, ways: &'a [Way], start: &'a HeldBody, poses: &'a ControlPoses) -> BodyWay<'a> {
-        let steps = load_steps(ways, self.size).clamp(1.0, MOST_STEPS as f64).ceil() as usize;
+        let steps = step_count(ways, self.size);
         let told = Ways { controls: &self.controls, ways, before: &start.turns, steps };
         let forces = self.forces(poses, &told.turns(1.0));
         let body = StaticBody {
@@ -622,8 +622,13 @@ fn unshifted(poses: &ControlPoses) -> (Vector3<f64>, ControlPoses) {
     (shift, poses.iter().map(back).collect())
 }
 
-/// Load steps that the ways of the control elements of a body of this size want, not rounded.
-pub(super) fn load_steps(ways: &[Way], size: f64) -> f64 {
+/// Load steps on the ways of the control elements of a body of this size.
+fn step_count(ways: &[Way], size: f64) -> usize {
+    load_steps(ways, size).clamp(1.0, MOST_STEPS as f64).ceil() as usize
+}
+
+/// Load steps that the ways want, not rounded.
+fn load_steps(ways: &[Way], size: f64) -> f64 {
     let first = ways.first().map_or_else(Vector3::zeros, |way| way.length().1);
     let of = |way: &Way| {
         let (turn, slide, stretch) = way.length();

@@ -4,7 +4,7 @@ use super::ENTRY;
 use super::motion::Motion;
 use crate::deform::{ControlPose, Deformer};
 use crate::effect::{Resolved, attach, precompute};
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenFile, Keeping};
 use crate::mesh::{Block, TetMesh, block};
 use crate::solve::Silent;
 use crate::stage::Stage;
@@ -62,7 +62,7 @@ impl Setting<'_> {
 pub fn file(scene: &Resolved) -> Arc<GreenFile> {
     let made = |name: &String| {
         let required = scene.requirements(name).unwrap();
-        precompute(scene, name, &required, None, &Silent).unwrap()
+        precompute(scene, name, &required, Keeping::default(), &Silent).unwrap()
     };
     let made: Vec<_> = scene.bodies.keys().map(made).collect();
     let folder = tempfile::tempdir().unwrap();

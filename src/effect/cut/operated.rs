@@ -3,7 +3,7 @@
 use super::frames::LEAST_FRAMES;
 use crate::deform::ControlPose;
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenFile, Keeping};
 use crate::interact::Action;
 use crate::render::Drawable;
 use crate::scene::Color;
@@ -49,7 +49,7 @@ pub const ONE: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"f
 
 pub fn file(scene: &Resolved) -> Arc<GreenFile> {
     let required = scene.requirements("b").unwrap();
-    let made = precompute(scene, "b", &required, None, &Silent).unwrap();
+    let made = precompute(scene, "b", &required, Keeping::default(), &Silent).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("b.green");
     green::write(&path, &[made]).unwrap();

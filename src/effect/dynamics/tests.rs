@@ -7,7 +7,7 @@ use super::settings::NAME;
 use super::tables::Tables;
 use crate::deform::{ControlPose, Deformer};
 use crate::effect::{Resolved, attach, precompute};
-use crate::green::{self, FIELDS, GreenFile};
+use crate::green::{self, FIELDS, GreenFile, Keeping};
 use crate::solve::Silent;
 use crate::stage::{Stage, rotation_towards};
 use crate::track::{StylusState, TrackerState};
@@ -47,7 +47,7 @@ pub(super) fn bar_of(young: f64, cells: [usize; 3], keys: &str, has_tip: bool) -
 
 pub(super) fn file(scene: &Resolved, body: &str) -> Arc<GreenFile> {
     let required = scene.requirements(body).unwrap();
-    let made = precompute(scene, body, &required, None, &Silent).unwrap();
+    let made = precompute(scene, body, &required, Keeping::default(), &Silent).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("body.green");
     green::write(&path, &[made]).unwrap();

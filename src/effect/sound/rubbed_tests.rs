@@ -2,7 +2,7 @@
 
 use crate::deform::ControlPose;
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenFile, Keeping};
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
@@ -27,8 +27,9 @@ fn parsed(text: &str) -> Result<Resolved, String> {
 }
 
 fn file(scene: &Resolved) -> Arc<GreenFile> {
-    let made =
-        |name: &String| precompute(scene, name, &scene.requirements(name).unwrap(), None, &Silent).unwrap();
+    let made = |name: &String| {
+        precompute(scene, name, &scene.requirements(name).unwrap(), Keeping::default(), &Silent).unwrap()
+    };
     let made: Vec<_> = scene.bodies.keys().map(made).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rubbed.green");

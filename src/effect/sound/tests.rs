@@ -1,7 +1,7 @@
 //! A steel strip that is struck, and what is heard of it.
 
 use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenFile, Keeping};
 use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
@@ -26,7 +26,9 @@ fn strip(keys: &str) -> (Resolved, Arc<GreenFile>) {
          control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
     );
     let scene = Resolved::parse(&text, Path::new("strip.toml")).unwrap();
-    let made = precompute(&scene, "strip", &scene.requirements("strip").unwrap(), None, &Silent).unwrap();
+    let made =
+        precompute(&scene, "strip", &scene.requirements("strip").unwrap(), Keeping::default(), &Silent)
+            .unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("strip.green");
     green::write(&path, &[made]).unwrap();

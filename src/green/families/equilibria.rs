@@ -14,6 +14,7 @@ use super::super::control::FIELDS;
 use super::super::error::GreenError;
 use super::super::family::Assembled;
 use super::super::solution::Solution;
+use super::found::{self, Found, Known};
 use super::screw_paths::{Path, screw_motion};
 use crate::base::machine;
 use crate::base::random::Random;
@@ -182,29 +183,50 @@ pub fn equilibria(
         last_step: LAST_STEP,
     };
     let walk = Walk { newton, law, solution };
+    let key = found::key(law, assembled, solution);
+    let identity = || Some(key);
+    let nodes = solution.mesh.nodes.len();
+    let earlier = if assembled.is_cached {
+        Known::open(&key, &identity, nodes)
+    } else {
+        Known { journal: None, nodes }
+    };
+    let mut known_paths = 0;
     let (mut fields, mut coefficients) = (Vec::new(), Vec::new());
     let (mut energies, mut inverted) = (Vec::new(), Vec::new());
     let (mut small, mut whole, mut known) = (Vec::new(), 0, Vec::new());
     progress.begin("equilibria at large turns", paths.len() as u64);
-    for (path, kind, steps) in &paths {
-        let found = walk.equilibria_on(path, steps).map_err(failed)?;
+    for (number, (path, kind, steps)) in paths.iter().enumerate() {
         let of = |share: f64| seen(solution, path, share);
-        known.extend(
-            found.iter().map(|(share, found)| known_equilibrium(solution, *kind, &of(*share), found)),
-        );
+        let found = match earlier.on(number) {
+            Some(found) => {
+                known_paths += 1;
+                found
+            }
+            None => {
+                let found = walk.equilibria_on(path, steps).map_err(failed)?;
+                let found = found
+                    .into_iter()
+                    .map(|(share, found)| of_equilibrium(solution, &of(share), share, found));
+                let found: Vec<Found> = found.collect();
+                earlier.keep(number, &found);
+                found
+            }
+        };
+        known.extend(found.iter().map(|found| known_equilibrium(*kind, &of(found.share), found)));
         progress.advance(1);
         if *kind == PathKind::HeldOut {
             continue;
         }
-        whole += usize::from(found.last().is_some_and(|(share, _)| *share >= 1.0));
-        small.extend(found.first().map(|(share, _)| SmallMotion {
+        whole += usize::from(found.last().is_some_and(|found| found.share >= 1.0));
+        small.extend(found.first().map(|found| SmallMotion {
             coefficients: of(SMALL),
             equilibrium: fields.len(),
-            times: share / SMALL,
+            times: found.share / SMALL,
         }));
-        for (share, found) in found {
-            inverted.push(is_inverted(&found));
-            let (c, mut own) = (of(share), found.u);
+        for found in found {
+            inverted.push(found.is_inverted);
+            let (c, mut own) = (of(found.share), found.u);
             add(&mut own, -1.0, &combined(&solution.fields, &c));
             let size = (2.0 * found.energy).max(f64::MIN_POSITIVE).sqrt();
             own.data.iter_mut().for_each(|value| *value /= size);
@@ -214,6 +236,10 @@ pub fn equilibria(
         }
     }
     progress.end();
+    if known_paths > 0 {
+        progress
+            .tell(&format!("resumes: the equilibria on {known_paths} of {} paths were there", paths.len()));
+    }
     let fields: Vec<&NodeFields> = fields.iter().collect();
     Ok((!fields.is_empty()).then(|| Equilibria {
         fields: beside(&fields),
@@ -338,13 +364,8 @@ fn directions(solution: &Solution) -> Vec<(Path, PathKind, &'static [f64])> {
     turned.chain(stretched).chain(moved).enumerate().map(of_path).collect()
 }
 
-/// Record of an equilibrium with the coefficients c in the file.
-fn known_equilibrium(
-    solution: &Solution,
-    kind: PathKind,
-    c: &DMatrix<f64>,
-    found: &Equilibrium,
-) -> DVector<f64> {
+/// An equilibrium at a share of a path, with the coefficients c there.
+fn of_equilibrium(solution: &Solution, c: &DMatrix<f64>, share: f64, found: Equilibrium) -> Found {
     let vector = |numbers: &[f64]| Vector3::from_column_slice(numbers);
     let wrench = |e: usize| {
         let control = &solution.controls[e];
@@ -355,12 +376,18 @@ fn known_equilibrium(
             [force + own, moment + (at - place).cross(&own)]
         })
     };
+    let (wrenches, is_inverted) = ([wrench(0), wrench(1)], is_inverted(&found));
+    Found { share, u: found.u, energy: found.energy, is_inverted, wrenches }
+}
+
+/// Record of an equilibrium with the coefficients c in the file.
+fn known_equilibrium(kind: PathKind, c: &DMatrix<f64>, found: &Found) -> DVector<f64> {
     let known = KnownEquilibrium {
         kind,
         coefficients: std::array::from_fn(|row| c[row]),
-        wrenches: [wrench(0), wrench(1)],
+        wrenches: found.wrenches,
         energy: found.energy,
-        is_inverted: is_inverted(found),
+        is_inverted: found.is_inverted,
     };
     DVector::from_vec(known.numbers())
 }

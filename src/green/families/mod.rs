@@ -6,6 +6,7 @@ mod compliance;
 mod compressed;
 mod cubic;
 mod equilibria;
+mod found;
 mod kept_factor;
 mod load_forces;
 mod loads;

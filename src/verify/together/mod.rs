@@ -16,7 +16,7 @@ pub use course::{Failed, Ran};
 use crate::base::progress::Silent;
 use crate::deform::ModelEntry;
 use crate::effect::{EFFECTS, EffectEntry, precompute};
-use crate::green::{self, GreenFile};
+use crate::green::{self, GreenFile, Keeping};
 use indexmap::IndexMap;
 use serde::Serialize;
 use setting::{Accepted, Setting, Shape};
@@ -131,7 +131,8 @@ fn made(accepted: &Accepted) -> Result<Arc<GreenFile>, String> {
     let solve = || {
         let scene = &accepted.scene;
         let bodies = scene.bodies.keys().zip(&accepted.required);
-        let bodies = bodies.map(|(name, required)| precompute(scene, name, required, None, &Silent));
+        let bodies =
+            bodies.map(|(name, required)| precompute(scene, name, required, Keeping::default(), &Silent));
         let bodies = bodies.collect::<Result<Vec<_>, _>>()?;
         let source = |source| green::GreenError::Io { path: std::env::temp_dir(), source };
         let folder = tempfile::tempdir().map_err(source)?;
