@@ -93,12 +93,12 @@ pub fn precompute(scene: &Resolved, quiet: bool) -> Result<Vec<Precomputed>, Fai
 }
 
 /// Precomputes every body and writes the .green file, whose size it returns with the time of writing, s. A run that is ended
-/// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there. Where `is_cached`,
-/// equilibria stay in the cache folder.
+/// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there. Equilibria stay in the
+/// cache folder, and are taken from there unless `is_anew`.
 pub fn make(
     scene: &Resolved,
     path: &Path,
-    (kept_after, is_cached): (Duration, bool),
+    (kept_after, is_anew): (Duration, bool),
     teller: Teller<'_>,
 ) -> Result<(Vec<Precomputed>, u64, f64), Failure> {
     let scene = &scene.as_prepared();
@@ -111,7 +111,8 @@ pub fn make(
     };
     let journal = Journal::new(path, kept_after, &identity);
     let unwritten = unwritten(path);
-    let bodies = precompute_telling(scene, Keeping { journal: Some(&journal), is_cached }, teller)?;
+    let keeping = Keeping { journal: Some(&journal), cached_after: (!is_anew).then_some(kept_after) };
+    let bodies = precompute_telling(scene, keeping, teller)?;
     drop(unwritten);
     let writing = Instant::now();
     let size = green::write(path, &bodies).map_err(|error| unwritable(error, path))?;
@@ -186,7 +187,7 @@ fn prepared_file(
     notice!("{} {reason}: precomputing", path.display());
     let tried = output::try_path(&path, &green::GREEN, &inputs(scene));
     tried.map_err(|error: OutputError| unwritable(error.into(), &path))?;
-    make(scene, &path, (KEPT_AFTER, true), teller)?;
+    make(scene, &path, (KEPT_AFTER, false), teller)?;
     Ok(Arc::new(GreenFile::open(&path)?))
 }
 
@@ -225,7 +226,7 @@ fn changed_base(
         match known.iter().find(|file| holds(file, body)) {
             Some(file) => kept.push((file.as_ref(), *name)),
             None => {
-                let keeping = Keeping { journal: None, is_cached: true };
+                let keeping = Keeping { journal: None, cached_after: Some(KEPT_AFTER) };
                 let precomputed = effect::precompute(scene, name, required, keeping, progress)?;
                 diagnostic::report("", &precomputed.solution.notices);
                 made.push(precomputed);

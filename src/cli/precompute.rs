@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let started = Instant::now();
     let kept_after = args.keep_after.map_or(KEPT_AFTER, Duration::from_secs_f64);
-    let (bodies, size, written_s) = prepare::make(&scene, &path, (kept_after, !args.force), &|name| {
+    let (bodies, size, written_s) = prepare::make(&scene, &path, (kept_after, args.force), &|name| {
         Box::new(Bars::new(name, args.quiet))
     })?;
     let file = Arc::new(GreenFile::open(&path)?);

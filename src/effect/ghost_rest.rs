@@ -29,8 +29,8 @@ pub(super) struct GhostSurface {
 }
 
 /// Largest cosine between the normals of two triangles at a sharp edge: they differ by more than 40°.
-/// Largest number of edges that are drawn: more would hide what they show.
 const SHARP: f64 = 0.766;
+/// Largest number of edges that are drawn: more would hide what they show.
 const MOST_EDGES: usize = 4000;
 
 impl RestGhosts {
@@ -48,7 +48,8 @@ impl RunningEffect for RestGhosts {
     fn show(&mut self, world: &World, frame: &mut Frame) {
         for (b, shape) in &self.bodies {
             let body = &world.bodies[*b];
-            if body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST) {
+            let is_posed = body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST);
+            if is_posed || body.deformer.state.coefficients.iter().any(|c| *c != 0.0) {
                 let room_from_shape = body.room_from_body.to_homogeneous().cast();
                 let edges = shape.lines(&room_from_shape, COLOR, false).collect();
                 let shape = shape.shape.clone();

@@ -22,7 +22,7 @@ use crate::solve::{
 };
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Precomputes body `name` of the scene.
 pub fn precompute(
@@ -53,7 +53,7 @@ pub fn precompute_kept(
         refuse(scene, &prepared.findings)?;
         return Err(scene.invalid(&format!("body.{name}.model"), why).into());
     }
-    let kept = (keep, keeping.is_cached);
+    let kept = (keep, keeping.cached_after);
     let mut solution = solve_kept(scene, name, prepared, requirements, (further, kept), progress)?;
     solution.times.mesh_s += mesh_s;
     Ok(Precomputed {
@@ -98,7 +98,7 @@ pub fn solve_prepared(
     requirements: &Requirements,
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
-    solve_kept(scene, name, prepared, requirements, (None, (None, false)), progress)
+    solve_kept(scene, name, prepared, requirements, (None, (None, None)), progress)
 }
 
 /// Computes what each family holds, and how long that takes; then what else is asked for.
@@ -138,7 +138,7 @@ fn solve_kept(
     name: &str,
     prepared: Prepared,
     requirements: &Requirements,
-    (further, (keep, is_cached)): (Option<Further<'_>>, (Option<Keep<'_>>, bool)),
+    (further, (keep, cached_after)): (Option<Further<'_>>, (Option<Keep<'_>>, Option<Duration>)),
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
@@ -241,7 +241,7 @@ fn solve_kept(
         k,
         partition,
         factor,
-        is_cached,
+        cached_after,
         solve: &solve,
     };
     add_families(&families, further, &assembled, &mut solution, progress)?;

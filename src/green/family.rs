@@ -10,6 +10,7 @@ use crate::base::columns::ColumnGroup;
 use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::scene::{Body, Scene};
 use crate::solve::{Factor, Progress};
+use std::time::Duration;
 
 /// One column.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,8 +48,8 @@ pub struct Assembled<'a> {
     pub partition: &'a Partition,
     /// The factor of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
     pub factor: Option<&'a dyn Factor>,
-    /// Whether results that a body takes long to find are kept in the user's cache folder, and taken from there.
-    pub is_cached: bool,
+    /// As of [`Keeping`](super::kept::Keeping).
+    pub cached_after: Option<Duration>,
     /// Solves A x = b at the free nodes by it.
     pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,
 }

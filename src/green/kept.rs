@@ -10,14 +10,15 @@ use crate::solve::{Factor, InverseStrip, KeptFactor, Method, SolveError, SolveRe
 use serde::de::DeserializeOwned;
 use std::cell::{Cell, OnceCell};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
 
 /// What a run keeps for those after it.
 #[derive(Clone, Copy, Default)]
 pub struct Keeping<'a> {
     /// Finished columns, until the .green file is there.
     pub journal: Option<&'a Journal<'a>>,
-    /// Whether results that a body takes long to find are kept in the user's cache folder, and taken from there.
-    pub is_cached: bool,
+    /// Time after which equilibria that are found are kept in the user's cache folder; without it, none is kept there or taken from there.
+    pub cached_after: Option<Duration>,
 }
 
 /// The journal that keeps the solves of a body.

@@ -62,7 +62,7 @@ pub enum Action {
     },
     /// Sets the body of this number aside, or brings it back.
     SetAside(usize),
-    /// Toggles whether the body of this number is set aside.
+    /// Scales the scene by this factor.
     ScaleScene(f64),
     /// Sets the next end of the ruler where the ray hits a surface; takes a whole ruler away.
     Measure,

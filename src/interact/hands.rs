@@ -57,8 +57,6 @@ pub struct Grip {
     /// The grabbed point in the element's own frame.
     #[serde(with = "crate::field::numbers")]
     pub place_in_element: Point3<f64>,
-    /// Whether it was grabbed with the tip, not with the ray.
-    pub is_near: bool,
 }
 
 /// The requests of the hands in one frame.
@@ -233,7 +231,6 @@ impl Hands {
                     target: hit.target,
                     place_in_stylus: room_from_stylus.inverse() * place,
                     place_in_element: element_from_room.transform_point(&place),
-                    is_near: hit.is_near,
                 })
             };
             hand.grip = free_hit.zip(hand.stylus.last).and_then(grip);

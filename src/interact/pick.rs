@@ -49,11 +49,6 @@ pub struct Hit {
     pub point_in_room: Point3<f32>,
     /// Distance from the ray's origin, m in the room.
     pub distance_m: f32,
-    /// Unit normal of what was hit, towards the ray's origin; zero if the ray starts in the middle of a ball.
-    #[serde(with = "crate::field::numbers")]
-    pub normal_in_room: Vector3<f32>,
-    /// The point lies within reach of the stylus' tip, from which the ray starts.
-    pub is_near: bool,
 }
 
 impl PickRay {
@@ -135,18 +130,8 @@ fn pick_one(ray: &PickRay, target: usize, element: &PickTarget) -> Option<Hit> {
     let distance_m = f64::from(nearest.time_of_impact) * room_from_body.scaling();
     let towards_room = room_from_body.isometry.rotation * direction;
     let point = ray.origin_in_room.cast::<f64>() + towards_room * distance_m;
-    let normal = Vector3::<f32>::from(nearest.normal).cast::<f64>();
-    let facing = if normal.dot(&direction) > 0.0 { -normal } else { normal };
-    let unit =
-        facing.try_normalize(1e-6).filter(|n| n.iter().all(|x| x.is_finite())).unwrap_or_else(Vector3::zeros);
     let is_finite = point.iter().all(|x| x.is_finite());
-    is_finite.then(|| Hit {
-        target,
-        point_in_room: point.cast(),
-        distance_m: distance_m as f32,
-        normal_in_room: (room_from_body.isometry.rotation * unit).cast(),
-        is_near: false,
-    })
+    is_finite.then(|| Hit { target, point_in_room: point.cast(), distance_m: distance_m as f32 })
 }
 
 /// The nearest place of any target within `reach_m` of `tip`, in the room, as a [`Hit`] whose ray runs from the tip to the
@@ -193,8 +178,6 @@ fn reach_one(tip: &Point3<f64>, target: usize, element: &PickTarget, reach_m: f6
         target,
         point_in_room: point.cast(),
         distance_m: way.norm() as f32,
-        normal_in_room: way.try_normalize(1e-9).unwrap_or_else(Vector3::zeros).cast(),
-        is_near: true,
     })
 }
 
@@ -225,9 +208,9 @@ mod tests {
     fn the_nearest_place_within_reach_is_touched() {
         let here = Similarity3::identity();
         let hit = touch([0.3, 0.4, 0.05], 0.1, here).unwrap();
-        assert_eq!((hit.target, hit.is_near), (0, true));
+        assert_eq!(hit.target, 0);
         assert!((hit.point_in_room - Point3::new(0.3, 0.4, 0.0)).norm() < 1e-6);
-        assert!((hit.distance_m - 0.05).abs() < 1e-6 && (hit.normal_in_room - Vector3::z()).norm() < 1e-5);
+        assert!((hit.distance_m - 0.05).abs() < 1e-6);
         let edge = touch([1.06, 0.5, 0.08], 0.11, here).unwrap();
         assert!((edge.point_in_room - Point3::new(1.0, 0.5, 0.0)).norm() < 1e-6);
         assert_eq!(touch([2.95, 0.0, 0.0], 0.1, here).map(|hit| hit.target), Some(1));

@@ -10,7 +10,7 @@ use crate::base::input;
 use crate::base::output::{self, Kind};
 use crate::field::{LONGEST_LINE, StreamError, read_line};
 use crate::green::GreenFile;
-use crate::scene::Scene;
+use crate::scene::{Color, Scene, Tool};
 use crate::session::lines::Lines;
 use crate::world::{Input, State, World};
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Take};
 use std::path::{Component, Path, PathBuf};
 
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 
 /// A state of more bytes is refused.
 const LARGEST_STATE: usize = 1 << 28;
@@ -58,10 +58,20 @@ pub struct Origin<'a> {
 impl Origin<'_> {
     fn header(&self, world: &World, recording: &Path) -> Header {
         let mut scene = blake3::Hasher::new();
+        let acting: Vec<&str> =
+            world.effects.iter().filter(|effect| effect.acts()).map(|effect| effect.name()).collect();
         for (name, body) in &self.scene.body {
             let basis = self.file.meta.bodies.get(name).map_or("", |meta| meta.fingerprint.as_str());
             let grabs: Vec<_> = body.control.iter().map(|(name, control)| (name, control.grab)).collect();
-            scene.update(format!("{:?}", (name, basis, &body.model, &body.place, grabs)).as_bytes());
+            let listed: Vec<_> = body.effects.iter().filter(|name| acting.contains(&name.as_str())).collect();
+            let settings: Vec<_> =
+                listed.iter().filter_map(|name| body.effect.get_key_value(*name)).collect();
+            let spring = body.surface_compliance.as_ref().map(|compliance| compliance.spring);
+            let own = (name, basis, &body.model, &body.place, grabs, listed, settings, spring);
+            scene.update(format!("{own:?}").as_bytes());
+        }
+        for (name, tool) in self.scene.tool.iter().filter(|_| !acting.is_empty()) {
+            scene.update(format!("{:?}", (name, Tool { color: Color([0; 3]), ..tool.clone() })).as_bytes());
         }
         let stage = format!("{:?}", (world.assets.stage.workspace, world.assets.stage.viewer.room_from_head));
         Header {

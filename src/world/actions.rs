@@ -144,7 +144,7 @@ impl World {
         });
     }
 
-    /// Lets go of everything and puts every body back to rest and to its place; nothing can be undone.
+    /// Lets go of everything and puts every body back to rest and to its place, whole and without motion; nothing can be undone.
     pub fn reset(&mut self) {
         self.let_go();
         for stylus in 0..self.fields.styli.len() {
@@ -160,6 +160,10 @@ impl World {
                 self.graph.restore(loads, fields.starting.clone());
             }
         }
+        let first = std::mem::take(&mut self.first_memories);
+        // An effect takes the memory that it gave.
+        self.set_memories(&first);
+        self.first_memories = first;
         self.edit =
             EditState::new(&self.assets.stage.workspace, self.bodies.len(), self.fields.targets.len());
         self.place_bodies(0.0);

@@ -23,15 +23,19 @@ impl World {
         let now: Vec<Option<usize>> = old.fields.targets.iter().map(now).collect();
         let posed = now.iter().enumerate().filter_map(|(before, now)| Some(((*now)?, old.posed(before))));
         self.put_targets(posed.collect::<Vec<_>>());
-        self.edit.history = old.edit.history.filter_map(|step| {
-            let moved = |change: &Change| Some(Change { target: now[change.target]?, ..*change });
-            let kept: Vec<Change> = step.changes().iter().filter_map(moved).collect();
-            (!kept.is_empty()).then_some(Step::Poses(kept))
+        self.clock_s = old.clock_s;
+        let carried = self.carry_effects(old);
+        self.edit.history = old.edit.history.filter_map(|step| match step {
+            Step::Poses(changes) => {
+                let moved = |change: &Change| Some(Change { target: now[change.target]?, ..*change });
+                let kept: Vec<Change> = changes.iter().filter_map(moved).collect();
+                (!kept.is_empty()).then_some(Step::Poses(kept))
+            }
+            Step::Effect(name) => carried.contains(name).then(|| step.clone()),
         });
         self.change_hands(|hands| hands.mode = old.mode());
         self.field_changes = old.field_changes;
         self.carry_loads(old);
-        self.carry_effects(old);
         if self.assets.stage == old.assets.stage {
             self.edit.navigation = old.edit.navigation.clone();
             for (b, body) in self.bodies.iter().enumerate() {
@@ -48,22 +52,19 @@ impl World {
         self.warnings.extend(old.warnings.iter().filter(|(_, warning)| !told.contains(warning)).cloned());
     }
 
-    /// Effects go on where all bodies are those of the old world; one that cannot begins anew.
-    fn carry_effects(&mut self, old: &World) {
+    /// Effects go on where all bodies are those of the old world; one that cannot begins anew. Returns the names of those that go on.
+    fn carry_effects(&mut self, old: &World) -> BTreeSet<String> {
         let names = |world: &World| -> Vec<String> {
             world.bodies.iter().map(|body| body.deformer.body.clone()).collect()
         };
         if names(self) != names(old) {
-            return;
+            return BTreeSet::new();
         }
-        for effect in &mut self.effects {
-            let before = old.effects.iter().find(|before| before.name() == effect.name());
-            if let Some(memory) = before.and_then(|before| before.memory())
-                && effect.set_memory(&memory).is_err()
-            {
-                effect.clear();
-            }
-        }
+        let memories = old.memories(|_| true);
+        let refused = self.set_memories(&memories);
+        let goes_on =
+            |name: &String| !refused.contains_key(name) && self.effects.iter().any(|e| e.name() == name);
+        memories.into_keys().filter(goes_on).collect()
     }
 
     /// Loads of the same body and of the same names act as they did.

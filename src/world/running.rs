@@ -25,7 +25,7 @@ use nalgebra::Isometry3;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// An effect's part of the state, as JSON.
@@ -62,6 +62,8 @@ pub struct World {
     pub graph: Graph<Bodies>,
     pub fields: Fields,
     pub edit: EditState,
+    /// The memories with which effects that act on bodies joined, by their names.
+    pub(super) first_memories: BTreeMap<String, Memory>,
     /// Keys of the black screens, by screen, eye and reason, of which a warning was given already.
     pub(super) told: BTreeSet<String>,
 }

@@ -11,8 +11,7 @@ use super::body_memory::BodyMemory;
 use super::edit_state::EditState;
 use super::flow::MOST_STYLI;
 use super::frame::Frame;
-use super::ruler::SurfacePoint;
-use super::running::{Memory, World};
+use super::running::{Memory, RunningEffect, World};
 use crate::field::FieldState;
 use crate::interact::Action;
 use crate::track::TrackerState;
@@ -48,8 +47,6 @@ pub struct State {
 impl World {
     /// The state between two frames.
     pub fn state(&self) -> serde_json::Result<State> {
-        let memories =
-            self.effects.iter().filter_map(|effect| Some((effect.name().to_owned(), effect.memory()?)));
         Ok(State {
             clock_s: self.clock_s,
             styli: self.styli_count(),
@@ -59,7 +56,7 @@ impl World {
             field_changes: self.field_changes,
             warnings: self.warnings.clone(),
             told: self.told.clone(),
-            effects: memories.collect(),
+            effects: self.memories(|_| true),
         })
     }
 
@@ -76,17 +73,13 @@ impl World {
         state.edit.suits(self.bodies.len(), self.fields.targets.len())?;
         self.have_styli(state.styli);
         self.graph.set_states(&state.fields, 1).map_err(|error| error.to_string())?;
-        self.set_memories(&state.effects)?;
+        if let Some((name, error)) = self.set_memories(&state.effects).pop_first() {
+            return Err(format!("the effect {name}: {error}"));
+        }
         for (body, memory) in self.bodies.iter_mut().zip(&state.bodies) {
             body.set_memory(memory)?;
         }
-        let is_of = |end: &SurfacePoint| {
-            let nodes = self.bodies.get(end.body).map_or(0, |body| body.deformer.node_count());
-            end.corners.iter().all(|corner| (*corner as usize) < nodes)
-        };
-        if !state.edit.ruler.ends.iter().all(is_of) {
-            return Err("its ruler lies on a surface that is not there".into());
-        }
+        self.check_points(&state.edit)?;
         self.room_from_head = self.graph.get(self.fields.head).0;
         self.clock_s = state.clock_s;
         self.edit = state.edit.clone();
@@ -98,19 +91,44 @@ impl World {
         Ok(())
     }
 
-    /// Gives the effects their memories, one after the other, and bodies what these remake of them.
-    fn set_memories(&mut self, memories: &BTreeMap<String, Memory>) -> Result<(), String> {
+    /// Fails where the ruler or a touch is at a point of a surface that is not there.
+    fn check_points(&self, edit: &EditState) -> Result<(), String> {
+        let is_there = |body: usize, corners: &[u32; 3]| {
+            let nodes = self.bodies.get(body).map_or(0, |body| body.deformer.node_count());
+            corners.iter().all(|corner| (*corner as usize) < nodes)
+        };
+        if !edit.ruler.ends.iter().all(|end| is_there(end.body, &end.corners)) {
+            return Err("its ruler lies on a surface that is not there".into());
+        }
+        let touches = self.fields.touch.as_ref().map(|touch| self.graph.get(touch.touches));
+        let mut points = touches.into_iter().flat_map(|touches| touches.all().chain(touches.coming()));
+        if !points.all(|touch| is_there(touch.body, &touch.nodes)) {
+            return Err("it touches a surface that is not there".into());
+        }
+        Ok(())
+    }
+
+    /// The memories of some of the effects, by their names.
+    pub(super) fn memories(&self, of: fn(&dyn RunningEffect) -> bool) -> BTreeMap<String, Memory> {
+        let effects = self.effects.iter().filter(|effect| of(effect.as_ref()));
+        effects.filter_map(|effect| Some((effect.name().to_owned(), effect.memory()?))).collect()
+    }
+
+    /// Gives the effects their memories, one after the other, and bodies what these remake of them. Returns why an effect, by its
+    /// name, cannot go on from its memory; it begins anew.
+    pub(super) fn set_memories(&mut self, memories: &BTreeMap<String, Memory>) -> BTreeMap<String, String> {
         let mut effects = std::mem::take(&mut self.effects);
-        let mut set = Ok(());
+        let mut refused = BTreeMap::new();
         for at in 0..effects.len() {
             let name = effects[at].name();
-            if let (Ok(()), Some(memory)) = (&set, memories.get(name)) {
-                set = effects[at].set_memory(memory).map_err(|error| format!("the effect {name}: {error}"));
+            if let Some(Err(error)) = memories.get(name).map(|memory| effects[at].set_memory(memory)) {
+                effects[at].clear();
+                refused.insert(name.to_owned(), error);
             }
             self.remake(&mut effects, at);
         }
         self.effects = effects;
-        set
+        refused
     }
 }
 

@@ -25,7 +25,7 @@ use crate::stage::{Eye, NEAR_M, Stage, Workspace};
 use crate::track::Signal;
 use indexmap::IndexMap;
 use nalgebra::{Point3, Vector3};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -85,6 +85,7 @@ impl World {
             clock_s: 0.0,
             graph,
             fields,
+            first_memories: BTreeMap::new(),
             told: BTreeSet::new(),
         };
         for b in 0..world.bodies.len() {
@@ -255,6 +256,7 @@ impl World {
             self.fields.connect_effects(&mut self.graph, &self.bodies).map_err(Failure::request)?;
         }
         self.effects.extend(effects);
+        self.first_memories = self.memories(|effect| effect.acts());
         self.colour();
         Ok(())
     }
@@ -360,7 +362,7 @@ impl World {
             let as_grip = touched_point.map(|(place_in_stylus, place)| {
                 let place_in_element = Point3::origin();
                 // No control element: only the place is drawn.
-                (Grip { target: usize::MAX, place_in_stylus, place_in_element, is_near: false }, place)
+                (Grip { target: usize::MAX, place_in_stylus, place_in_element }, place)
             });
             let held = held.or(as_grip.as_ref().map(|(grip, place)| HeldPlace { grip, place: *place }));
             let hit = hit.filter(|_| held.is_none());

@@ -46,7 +46,7 @@ struct PendingTouch {
 #[serde(deny_unknown_fields)]
 pub struct Touch {
     pub body: usize,
-    nodes: [u32; 3],
+    pub nodes: [u32; 3],
     weights: [f64; 3],
     /// The point in the hand's frame, by which the hand carries it.
     #[serde(with = "crate::field::numbers")]

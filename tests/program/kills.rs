@@ -143,3 +143,35 @@ fn a_run_that_is_killed_is_taken_up() {
     assert!(told.contains("is dropped: it belongs to another state of the scene"), "{told}");
     assert!(std::fs::read(&green).unwrap() == whole && !part.exists());
 }
+
+/// Adding an effect took the whole precomputation again: the equilibria of the body are kept from one to the next, and lead to the
+/// same bytes.
+#[test]
+fn a_body_with_one_more_effect_takes_up_its_equilibria() {
+    let folder = folder("kills-equilibria");
+    let scene = |effects: &str| {
+        format!(
+            "[body.block]\ngenerate = {{ block = {{ size = [0.3, 0.1, 0.1], cells = [6, 2, 2] }} }}\nmodel = \"reduced\"\n\
+             material = {{ young = 1.0e6, poisson = 0.3 }}\neffects = [{effects}]\n\
+             control.left = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
+             control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
+        )
+    };
+    let made = |effects: &str, further: &[&str]| {
+        std::fs::write(folder.join("scene.toml"), scene(effects)).unwrap();
+        let arguments = [&["precompute", "scene.toml", "--keep-after", "0"], further].concat();
+        let output =
+            program(&folder, &arguments).env("XDG_CACHE_HOME", folder.join("cache")).output().unwrap();
+        let told = text(&output.stderr);
+        assert!(output.status.success(), "{told}");
+        (
+            std::fs::read(folder.join("scene.green")).unwrap(),
+            told.contains("resumes: the equilibria on 47 of 47 paths"),
+        )
+    };
+    assert!(!made("", &[]).1, "nothing was there");
+    let (taken_up, is_told) = made("\"stress\"", &[]);
+    assert!(is_told);
+    let (anew, is_told) = made("\"stress\"", &["--force"]);
+    assert!(!is_told && anew == taken_up, "the same bytes without them");
+}

@@ -14,8 +14,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time for which a message is shown.
-/// Time for which an error is shown.
 const SHOWN: Duration = Duration::from_secs(5);
+/// Time for which an error is shown.
 const WRONG_SHOWN: Duration = Duration::from_secs(15);
 /// Messages at once.
 const MOST: usize = 4;

@@ -5,7 +5,7 @@
 
 use crate::deform::Deformer;
 use crate::world::inertia::Inertia;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
@@ -26,18 +26,6 @@ pub struct Response {
 }
 
 impl Response {
-    /// Displacement of one spot, given by its nodes and their weights, by a force at another until the end of the step, beyond that of the
-    /// columns, m/N.
-    pub fn between(
-        &self,
-        at: impl Iterator<Item = (u32, f64)>,
-        from: impl Iterator<Item = (u32, f64)>,
-    ) -> Matrix3<f64> {
-        let (at, from) = (self.rows_of(at), self.rows_of(from));
-        let each = at.iter().zip(from).zip(&self.weights);
-        each.fold(Matrix3::zeros(), |sum, ((at, from), w)| sum + at * (from * *w).transpose())
-    }
-
     /// r of a spot, given by its nodes and their weights.
     pub fn rows_of(&self, corners: impl Iterator<Item = (u32, f64)>) -> Vec<V3> {
         let mut all = vec![V3::zeros(); self.weights.len()];

@@ -79,14 +79,14 @@ impl<'a> Shown<'a> {
         mark_force((&place, &force), full_n, words, (world.assets.stage.workspace.radius_m, frame));
     }
 
-    /// The force of the longest arrow: that at which the stiffest spot yields by a part of its body's radius.
+    /// The force of the longest arrow: that at which the stiffest spot that yields does so by a part of its body's radius.
     fn full_n(&self, contacts: &[&Contact], world: &World) -> f64 {
         let of = |contact: &&Contact| {
             let body = &self.bodies[contact.body];
             let size = world.bodies[body.b].assets.ball.1 * body.room_from_body.scaling();
             FULL_AT * size / (body.between(&contact.spot, &contact.spot).trace() / 3.0)
         };
-        contacts.iter().map(of).fold(0.0, f64::max)
+        contacts.iter().map(of).filter(|force| force.is_finite()).fold(0.0, f64::max)
     }
 
     /// Mean of the places of contacts, weighted with their forces.

@@ -185,6 +185,36 @@ fn strokes_are_undone_and_done_again() {
     assert_eq!(first.world.undo_depth(), [2, 0]);
 }
 
+/// A world that takes the place of another, as after a change in the panel, can take its cuts back; a reset body is whole.
+#[test]
+fn a_cut_is_undone_in_the_next_world_and_gone_after_a_reset() {
+    let scene = scene(BOTH, "model = \"rotation\"").unwrap();
+    let file = file(&scene);
+    let mut first = Operated::new(&scene, &file);
+    let away = V3::new(0.3, 0.2, -0.1);
+    let whole = first.nodes();
+    first.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, 0.01, -0.1), 9);
+    (0..30).for_each(|_| first.put(away));
+    let cut = first.nodes();
+    assert!(whole < cut, "{whole} {cut}");
+
+    let mut next = Operated::new(&scene, &file);
+    next.world.carry_over(&mut first.world);
+    next.frame = first.frame;
+    next.put(away);
+    assert_eq!((next.nodes(), next.world.undo_depth()), (cut, [1, 0]));
+    next.act(Action::Undo, away);
+    next.wait(away);
+    assert_eq!((next.nodes(), next.world.undo_depth()), (whole, [0, 1]));
+
+    first.act(Action::Reset, away);
+    first.wait(away);
+    assert_eq!((first.nodes(), first.world.undo_depth()), (whole, [0, 0]));
+    let rest = Operated::new(&scene, &file);
+    assert_eq!(first.places(), rest.places());
+    assert!(first.is_quiet() && next.is_quiet(), "{:?} {:?}", first.world.warnings, next.world.warnings);
+}
+
 /// A blade that stands still cuts what is moved through it, and one that is carried along cuts nothing.
 #[test]
 fn what_counts_is_how_blade_and_body_move_against_each_other() {

@@ -25,8 +25,6 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-/// A blade farther from the middle of a body than so many of its radii is not near it.
-const FAR: f64 = 4.0;
 /// Part of a body's extent by which a blade beside it counts as near: it may move so far in a frame.
 const BESIDE: f64 = 0.25;
 /// Frames without a cut after which a stroke of the blades has ended.
@@ -120,14 +118,7 @@ fn friction(body: &ResolvedBody, tool: &str) -> Option<f64> {
 
 /// Whether the edge of a blade comes near the body as it is shown.
 fn is_near(sweep: &Sweep, body: &PlacedBody) -> bool {
-    let (centre, radius) = body.assets.ball;
-    let place = body.room_from_body;
-    let (middle, far) = ((place * centre).coords, FAR * radius * place.scaling());
     let reach = sweep.low_and_high();
-    let apart = |k: usize| reach[0][k] > middle[k] + far || reach[1][k] < middle[k] - far;
-    if (0..3).any(apart) {
-        return false;
-    }
     let room_from_surface = body.room_from_surface();
     let places = body.deformer.positions();
     let places = places.iter().map(|x| (room_from_surface * Point3::from(V3::from(x.map(f64::from)))).coords);

@@ -17,8 +17,8 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 /// Sides of the body, m.
 pub const BLOCK_M: f64 = 0.1;
 /// Time for which the handle is held, s.
-/// Time for which the handle is observed after its release, s.
 const HELD_S: f64 = 1.0;
+/// Time for which the handle is observed after its release, s.
 const FREE_S: f64 = 10.0;
 /// The time between two frames, s.
 const FRAME_S: f64 = 1.0 / 60.0;

@@ -140,5 +140,5 @@ fn middle(world: &World, b: usize) -> Point3<f64> {
     let body = &world.bodies[b];
     let places = body.deformer.positions();
     let sum: Vector3<f64> = places.iter().map(|place| Vector3::from(place.map(f64::from))).sum();
-    body.room_from_body * Point3::from(sum / places.len().max(1) as f64)
+    body.room_from_surface() * Point3::from(sum / places.len().max(1) as f64)
 }

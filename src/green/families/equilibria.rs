@@ -185,12 +185,8 @@ pub fn equilibria(
     let walk = Walk { newton, law, solution };
     let key = found::key(law, assembled, solution);
     let identity = || Some(key);
-    let nodes = solution.mesh.nodes.len();
-    let earlier = if assembled.is_cached {
-        Known::open(&key, &identity, nodes)
-    } else {
-        Known { journal: None, nodes }
-    };
+    let journal = assembled.cached_after.map(|after| found::journal(&key, after, &identity));
+    let earlier = Known { journal, nodes: solution.mesh.nodes.len() };
     let mut known_paths = 0;
     let (mut fields, mut coefficients) = (Vec::new(), Vec::new());
     let (mut energies, mut inverted) = (Vec::new(), Vec::new());

@@ -6,12 +6,12 @@
 //! when all take more than [`MOST_BYTES`].
 
 use super::super::family::Assembled;
-use super::super::journal::{Journal, KEPT_AFTER, Key};
+use super::super::journal::{Journal, Key};
 use super::super::solution::Solution;
 use crate::base::cache;
 use crate::fem::{Law, NodeFields};
 use nalgebra::Vector3;
-use std::path::PathBuf;
+use std::time::Duration;
 
 /// All files together, bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -78,11 +78,11 @@ pub fn key(law: &Law, assembled: &Assembled<'_>, solution: &Solution) -> Key {
     hasher.finalize().into()
 }
 
-/// The place of the equilibria of this key. Others are removed until all take no more than [`MOST_BYTES`].
-pub fn place(key: &Key) -> PathBuf {
+/// The journal of the equilibria of this key, which `identity` returns. Others are removed until all take no more than [`MOST_BYTES`].
+pub fn journal<'a>(key: &Key, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
     let name = format!("{PREFIX}{}.part", blake3::Hash::from_bytes(*key).to_hex());
     cache::trim(PREFIX, &name, MOST_BYTES);
-    cache::folder().join(name)
+    Journal::at(cache::folder().join(name), kept_after, identity)
 }
 
 /// The equilibria on the paths of a body of so many nodes; without a journal, none is known and none is kept.
@@ -91,12 +91,7 @@ pub struct Known<'a> {
     pub nodes: usize,
 }
 
-impl<'a> Known<'a> {
-    /// Those at the [`place`] of the key, which `identity` returns.
-    pub fn open(key: &Key, identity: &'a dyn Fn() -> Option<Key>, nodes: usize) -> Known<'a> {
-        Known { journal: Some(Journal::at(place(key), KEPT_AFTER, identity)), nodes }
-    }
-
+impl Known<'_> {
     /// What was found on the path of this number; `None` where it was not walked yet.
     pub fn on(&self, path: usize) -> Option<Vec<Found>> {
         let bytes = self.journal.as_ref()?.find(&key_of(path))?;

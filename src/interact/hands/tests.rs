@@ -5,13 +5,7 @@ use super::*;
 use nalgebra::{Translation3, UnitQuaternion};
 
 fn hit(target: usize, place: [f32; 3]) -> Option<Hit> {
-    Some(Hit {
-        target,
-        point_in_room: place.into(),
-        distance_m: 1.0,
-        normal_in_room: Vector3::z(),
-        is_near: false,
-    })
+    Some(Hit { target, point_in_room: place.into(), distance_m: 1.0 })
 }
 
 fn stylus(pose: Isometry3<f32>, pressed: bool) -> StylusState {
