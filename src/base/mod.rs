@@ -1,6 +1,7 @@
 //! Plain data and services that several rooms share: atomic files, facts of the machine, text for a terminal.
 //!
 //! It imports no other room.
+pub mod by_name;
 pub mod cache;
 pub mod columns;
 pub mod creases;

@@ -26,7 +26,9 @@ use std::time::{Duration, Instant};
 /// Does nothing if the file is there and still belongs to the scene (same mesh, materials, control elements, solver,
 /// requirements of model and effects, program version). Prints the time of each step and, if an effect of the scene measures them,
 /// the errors of force and shape to expect. A run that is killed leaves the columns that it has finished beside the .green file
-/// (FILE.green.part); the next run takes them from there. Overwrites a .green file or an empty file; never any other file, nor what the scene
+/// (FILE.green.part); the next run takes them from there. The equilibria of a body with the model "reduced" or "reduced_neo_hookean", which
+/// take most of its time, stay in the cache folder (~/.cache/greenstage or $XDG_CACHE_HOME/greenstage, at most 1 GB): with another
+/// effect, load or storage the body is made in a fraction of the time. Overwrites a .green file or an empty file; never any other file, nor what the scene
 /// reads, not even with --force.
 #[derive(Debug, clap::Args)]
 pub struct Args {

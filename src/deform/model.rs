@@ -197,14 +197,6 @@ impl fmt::Debug for ModelEntry {
     }
 }
 
-impl PartialEq for ModelEntry {
-    fn eq(&self, other: &ModelEntry) -> bool {
-        self.name == other.name
-    }
-}
-
-impl Eq for ModelEntry {}
-
 /// Orders models by their names.
 impl Ord for ModelEntry {
     fn cmp(&self, other: &ModelEntry) -> Ordering {

@@ -89,11 +89,3 @@ impl Element {
         Ok(())
     }
 }
-
-impl PartialEq for Element {
-    fn eq(&self, other: &Element) -> bool {
-        self.name == other.name
-    }
-}
-
-impl Eq for Element {}

@@ -4,9 +4,8 @@ use super::anp::TET4_ANP;
 use super::element::Element;
 use super::tet4::TET4;
 use super::tet10::TET10;
+use crate::base::by_name::by_name;
 use crate::config::unknown_name;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// All elements, from the least accurate on; a new one is one file and one line here.
 pub const ELEMENTS: &[&Element] = &[&TET4, &TET4_ANP, &TET10];
@@ -23,14 +22,4 @@ impl Default for &'static Element {
     }
 }
 
-impl Serialize for Element {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
-
-impl<'de> Deserialize<'de> for &'static Element {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static Element, D::Error> {
-        find_element(&String::deserialize(deserializer)?).map_err(D::Error::custom)
-    }
-}
+by_name!(Element, find_element);

@@ -175,14 +175,14 @@ impl Measurement {
         self.error.uncancelled.worst
     }
 
-    /// The larger error of force and torque in the worst pose, where they were measured.
-    pub fn held(&self) -> Option<f64> {
-        self.error.uncancelled_held.map(|spread| spread.worst)
+    /// The larger error of force and torque in the worst pose.
+    pub fn held(&self) -> f64 {
+        self.error.uncancelled_held.worst
     }
 
     /// The largest of all: the reliability in shape, force and torque together.
     pub fn worst(&self) -> f64 {
-        self.held().map_or(self.shape(), |held| held.max(self.shape()))
+        self.held().max(self.shape())
     }
 }
 
@@ -224,13 +224,13 @@ pub struct Errors {
     /// Largest difference of a control element's force and torque (about where its origin has come to): solver,
     /// discretisation and model; storage has no part in forces. Relative to the largest wrench of the pose's equilibrium,
     /// max(|f|, |m|/ℓ) with the body's extent ℓ, of torques that times ℓ.
-    pub force: Option<Spread>,
-    pub torque: Option<Spread>,
+    pub force: Spread,
+    pub torque: Spread,
     /// The parts that the mesh and the model have in it: the larger of force and torque of each.
     pub mesh_held: Option<Spread>,
-    pub model_held: Option<Spread>,
+    pub model_held: Spread,
     /// The larger of force and torque, each uncancelled in the same way.
-    pub uncancelled_held: Option<Spread>,
+    pub uncancelled_held: Spread,
 }
 
 /// Median and worst over the poses.

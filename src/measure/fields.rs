@@ -5,7 +5,8 @@ use super::variants::moves_inside;
 use crate::base::columns::{Storage, StoredColumns};
 use crate::base::parts::PartShare;
 use crate::deform::{
-    BodyState, ControlPoses, DeformationModel, ModelEntry, PoseSlope, Wrench, model_of, volume_model_of,
+    BodyState, ControlPose, ControlPoses, DeformationModel, ModelEntry, PoseSlope, Wrench, model_of,
+    volume_model_of,
 };
 use crate::green::{REDUCED_FIELDS, Solution};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -154,9 +155,24 @@ pub fn wrenches_about(
     poses: &ControlPoses,
     about: &[Vector3<f64>],
 ) -> Option<Vec<Wrench>> {
-    let moved =
-        |(e, wrench): (usize, &Wrench)| wrench.about(&(solution.controls[e].origin - about[e]), &poses[e]);
-    Some(output.wrenches.as_ref()?.iter().enumerate().map(moved).collect())
+    Some(placed(output.wrenches.as_ref()?, &origins(solution), about, poses))
+}
+
+/// Wrenches about where `origins` rested, about where the poses bring the points `about` of the same control elements.
+pub fn placed(
+    wrenches: &[Wrench],
+    origins: &[Vector3<f64>],
+    about: &[Vector3<f64>],
+    poses: &[ControlPose],
+) -> Vec<Wrench> {
+    let place = |(e, wrench): (usize, &Wrench)| wrench.about(&(origins[e] - about[e]), &poses[e]);
+    wrenches.iter().enumerate().map(place).collect()
+}
+
+/// a - b, control element by control element.
+pub fn less(a: &[Wrench], b: &[Wrench]) -> Vec<Wrench> {
+    let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
+    a.iter().zip(b).map(less).collect()
 }
 
 /// a - b, node by node.

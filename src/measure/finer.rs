@@ -7,7 +7,7 @@
 //! added is the reference's own error.
 
 use super::course::{Course, Step};
-use super::fields::difference;
+use super::fields::{difference, less, placed};
 use super::norms::Norms;
 use super::poses::{about_origins, largest_turn};
 use super::request::{MeasureError, Request};
@@ -202,9 +202,7 @@ impl<'a> Finer<'a> {
         };
         let part = 1.0 / (ORDER.exp2() - 1.0);
         let change = difference(&field, &self.meshes.ladder.raise(top - 1, &coarser.field()));
-        let less =
-            |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
-        let wrenches: Vec<Wrench> = held.iter().zip(&coarser.wrenches).map(less).collect();
+        let wrenches = less(&held, &coarser.wrenches);
         field.iter_mut().zip(&change).for_each(|(u, change)| *u += change * part);
         for (wrench, change) in held.iter_mut().zip(&wrenches) {
             wrench.force += change.force * part;
@@ -223,17 +221,6 @@ impl<'a> Finer<'a> {
         }
         Ok(FinerReference { field, held, size, doubt: Some(changed.map(|changed| part * changed)) })
     }
-}
-
-/// Wrenches about where `origins` rested, about where the poses bring the points `about` of the same control elements.
-pub fn placed(
-    wrenches: &[Wrench],
-    origins: &[Vector3<f64>],
-    about: &[Vector3<f64>],
-    poses: &[ControlPose],
-) -> Vec<Wrench> {
-    let place = |(e, wrench): (usize, &Wrench)| wrench.about(&(origins[e] - about[e]), &poses[e]);
-    wrenches.iter().enumerate().map(place).collect()
 }
 
 /// Largest turn between two poses on the way along arcs, rad.

@@ -148,14 +148,11 @@ struct Judged {
 
 /// Candidates in their order, of each the storages in theirs, and of each the models.
 fn place(candidates: &[Candidate], setting: &Setting) -> [usize; 3] {
-    let is_of = |c: &Candidate| {
-        (c.refine, c.element.name, c.solver) == (setting.refine, setting.element.as_str(), setting.solver)
-            && c.models.contains(&setting.model)
-    };
     // The scene's own, where it is none of them, comes last.
     let storage = Storage::ALL.iter().take_while(|storage| storage.name() != setting.storage).count();
     let model = MODELS.iter().position(|model| model == setting.model);
-    [candidates.iter().position(is_of), Some(storage), model].map(Option::unwrap_or_default)
+    [candidates.iter().position(|candidate| candidate.has(setting)), Some(storage), model]
+        .map(Option::unwrap_or_default)
 }
 
 /// The row of a setting without its times, and the file that they are measured with.

@@ -6,7 +6,7 @@
 
 use super::data::{Errors, Measurement, Setting, Shapes, Spread};
 use super::fields::{
-    ModelOutput, difference, displaced, evaluate_about, storage_error, stored, wrenches_about,
+    ModelOutput, difference, displaced, evaluate_about, less, storage_error, stored, wrenches_about,
 };
 use super::finer::{FinerReference, Size};
 use super::norms::{largest, relative};
@@ -197,11 +197,6 @@ fn sum(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     a.iter().zip(b).map(|(a, b)| a + b).collect()
 }
 
-fn less(a: &[Wrench], b: &[Wrench]) -> Vec<Wrench> {
-    let less = |(a, b): (&Wrench, &Wrench)| Wrench { force: a.force - b.force, moment: a.moment - b.moment };
-    a.iter().zip(b).map(less).collect()
-}
-
 /// The parts of a setting's error in one pose except for storage: fields on the finest mesh or, of a model that moves the surface
 /// alone, at the surface nodes of the scene's mesh.
 struct ErrorFields {
@@ -326,11 +321,11 @@ pub fn spread(poses: &[PoseErrors]) -> Errors {
         total: of(|p| p.total),
         uncancelled: of(|p| p.uncancelled),
         displacement_m: of(|p| p.displacement_m),
-        force: Some(of(|p| p.force)),
-        torque: Some(of(|p| p.torque)),
+        force: of(|p| p.force),
+        torque: of(|p| p.torque),
         mesh_held: maybe(|p| p.mesh_held),
-        model_held: Some(of(|p| p.model_held)),
-        uncancelled_held: Some(of(|p| p.uncancelled_held)),
+        model_held: of(|p| p.model_held),
+        uncancelled_held: of(|p| p.uncancelled_held),
     }
 }
 
@@ -388,11 +383,7 @@ impl<'a> Drawn<'a> {
     fn new(candidates: &'a [Candidate], setting: &Setting) -> Option<Drawn<'a>> {
         let model = setting.model;
         let storage = Storage::named(&setting.storage)?;
-        let is_own = |of: &&Candidate| {
-            (of.refine, of.element.name, of.solver) == (setting.refine, &setting.element, setting.solver)
-                && of.models.contains(&model)
-        };
-        let candidate = candidates.iter().find(is_own)?;
+        let candidate = candidates.iter().find(|candidate| candidate.has(setting))?;
         Some(Drawn { candidate, model, rounded: stored(&candidate.solution, storage) })
     }
 }

@@ -1,8 +1,9 @@
 //! Random poses from a seed, for a body that no script moves.
 
+use crate::base::slide::slide_matrix;
 use crate::deform::{ControlPose, ControlPoses, Screw, Way};
 use crate::fem::nearest_turn;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, UnitVector3, Vector3};
 
 /// Random numbers that are the same on every machine (SplitMix64: Steele, Lea and Flood, OOPSLA 2014); every seed gives
 /// its own sequence.
@@ -49,7 +50,7 @@ pub fn random(origins: &[Vector3<f64>], angles: &[f64], play: f64, seed: u64) ->
                 }
                 let axis = UnitVector3::new_normalize(random.direction());
                 let way = origin - origins[0];
-                let chord = mean_rotation(&axis, angle) * way;
+                let chord = slide_matrix(&(axis.into_inner() * angle)) * way;
                 let translation =
                     chord - way + across(&random.direction(), &chord) * (play * random.number());
                 ControlPose { translation, matrix: *Rotation3::from_axis_angle(&axis, angle).matrix() }
@@ -105,30 +106,9 @@ pub fn about_origins(poses: &[ControlPose], from: &[Vector3<f64>], to: &[Vector3
     poses.iter().zip(from).zip(to).map(|((pose, from), to)| pose.with_origin(from, to)).collect()
 }
 
-/// ∫₀¹ exp(s θ a×) ds = I + (1 - cos θ)/θ a× + (1 - sin θ/θ) (a×)².
-fn mean_rotation(axis: &UnitVector3<f64>, angle: f64) -> Matrix3<f64> {
-    let cross = axis.cross_matrix();
-    if angle.abs() < 1e-9 {
-        return Matrix3::identity();
-    }
-    Matrix3::identity() + cross * ((1.0 - angle.cos()) / angle) + cross * cross * (1.0 - angle.sin() / angle)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_mean_rotation_is_the_integral() {
-        let axis = UnitVector3::new_normalize(Vector3::new(0.3, -0.5, 0.8));
-        let steps = 2000;
-        let sum: Matrix3<f64> = (0..steps)
-            .map(|s| {
-                *Rotation3::from_axis_angle(&axis, 1.3 * (f64::from(s) + 0.5) / f64::from(steps)).matrix()
-            })
-            .sum();
-        assert!((sum / f64::from(steps) - mean_rotation(&axis, 1.3)).amax() < 1e-7);
-    }
 
     #[test]
     fn a_hand_comes_in_steps_of_ten_degrees() {

@@ -4,9 +4,9 @@
 //! whatever other equilibria a report started from, and leads to that on the finer one. Then the errors of a report's rows against it
 //! ([`judged`]).
 
-use super::data::{Measurement, Setting};
-use super::fields::{difference, stored};
-use super::finer::{EquilibriumOfPose, FinerReference, Size, along_arcs, placed};
+use super::data::Measurement;
+use super::fields::{difference, placed, stored};
+use super::finer::{EquilibriumOfPose, FinerReference, Size, along_arcs};
 use super::norms::{MeshLadder, relative};
 use super::pose_errors::Compared;
 use super::poses::about_origins;
@@ -123,12 +123,8 @@ pub fn judged(
     let poses: Option<Vec<_>> = references.judged().map(|pose| Some((pose, truth(&pose.name)?))).collect();
     let judged = |row: &Measurement| {
         let poses = poses.as_ref()?;
-        let Setting { refine, element, solver, storage, model } = &row.setting;
-        let storage = Storage::named(storage)?;
-        let candidate = candidates.iter().find(|c| {
-            (c.refine, c.element.name, &c.solver) == (*refine, element.as_str(), solver)
-                && c.models.contains(model)
-        })?;
+        let storage = Storage::named(&row.setting.storage)?;
+        let candidate = candidates.iter().find(|candidate| candidate.has(&row.setting))?;
         let of = Compared { meshes, candidates, candidate, references };
         let rounded = stored(&candidate.solution, storage);
         let mut worst = [0.0_f64; 2];

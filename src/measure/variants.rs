@@ -5,6 +5,7 @@
 //! gradients solve the scene's own mesh and element. Storages and models are varied on what was solved.
 
 use super::course::{Course, Step};
+use super::data::Setting;
 use super::norms::MeshLadder;
 use super::request::{MeasureError, Request};
 use super::resume;
@@ -67,6 +68,13 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Whether the setting is measured with its solution, whatever the storage.
+    pub fn has(&self, setting: &Setting) -> bool {
+        (self.refine, self.element.name, self.solver)
+            == (setting.refine, setting.element.as_str(), setting.solver)
+            && self.models.contains(&setting.model)
+    }
+
     /// The name of the step that solved it.
     pub fn name(&self) -> String {
         Step::solved(self.refine, self.element, self.solver, own_families(&self.models))

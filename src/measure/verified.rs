@@ -5,7 +5,7 @@
 
 use super::data::Measurement;
 use super::fields::difference;
-use super::finer::placed;
+use super::fields::placed;
 use super::norms::relative;
 use super::poses::{about_origins, on_the_way};
 use crate::base::failure::Failure;

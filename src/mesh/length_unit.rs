@@ -4,13 +4,12 @@
 
 use super::diagnostics::digits;
 use super::tet_mesh::{LoadedMesh, TetMesh};
+use crate::base::by_name::by_name;
 use crate::config::unknown_name;
 use nalgebra::Vector3;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A unit of length.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub struct LengthUnit {
     /// The name in scene files and options.
     pub name: &'static str,
@@ -34,17 +33,7 @@ pub fn find_unit(name: &str) -> Result<&'static LengthUnit, String> {
     found.ok_or_else(|| unknown_name("unit of length", name, UNITS.iter().map(|unit| unit.name)))
 }
 
-impl Serialize for LengthUnit {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
-
-impl<'de> Deserialize<'de> for &'static LengthUnit {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static LengthUnit, D::Error> {
-        find_unit(&String::deserialize(deserializer)?).map_err(D::Error::custom)
-    }
-}
+by_name!(LengthUnit, find_unit);
 
 /// Longest side of the smallest and of the largest body that hands bend, m: the latter is the width of a CAVE.
 const SMALLEST_M: f64 = 1e-3;

@@ -51,7 +51,11 @@ pub fn ladder(rows: &[Measurement], metric: &CostMetric) -> Vec<usize> {
 }
 
 /// [`ladder`] by another error.
-pub fn ladder_by(rows: &[Measurement], metric: &CostMetric, error: fn(&Measurement) -> f64) -> Vec<usize> {
+pub fn ladder_by(
+    rows: &[Measurement],
+    metric: &CostMetric,
+    error: impl Fn(&Measurement) -> f64,
+) -> Vec<usize> {
     let cost = |i: usize| (metric.of)(&rows[i].cost);
     let mut rungs: Vec<usize> = Vec::new();
     let mut next = cheapest(rows, metric, f64::INFINITY);
@@ -105,9 +109,7 @@ pub fn recommendations(report: &Report) -> Vec<String> {
 
 /// "shape to 0.3 %, force and torque to 1.2 %": in the worst pose.
 pub fn errors(row: &Measurement) -> String {
-    let held =
-        row.held().map_or("no forces".into(), |held| format!("force and torque to {}", relative(held)));
-    format!("shape to {}, {held}", relative(row.shape()))
+    format!("shape to {}, force and torque to {}", relative(row.shape()), relative(row.held()))
 }
 
 /// Up to the first of these errors a quantity is trusted, up to the second it is a rough guide.
@@ -190,7 +192,7 @@ pub fn headline(report: &Report) -> Vec<String> {
         ));
     }
     said.push(verdict(row, report));
-    said.extend(not_measured(report, row.held().is_some()));
+    said.extend(not_measured(report));
     said.push(remedy(rows, i));
     said.extend(report.timing.warning());
     said
@@ -210,7 +212,7 @@ fn named(poses: &[String]) -> String {
 }
 
 /// The poses for which nothing is claimed, and how far the reference itself is known.
-fn not_measured(report: &Report, has_forces: bool) -> Vec<String> {
+fn not_measured(report: &Report) -> Vec<String> {
     let mut said = Vec::new();
     if !report.not_compared.is_empty() && !report.compared.is_empty() {
         let first = &report.not_compared[..report.not_compared.len().min(NAMED)];
@@ -222,9 +224,6 @@ fn not_measured(report: &Report, has_forces: bool) -> Vec<String> {
     }
     if !report.compared.is_empty() {
         said.push(match report.doubt {
-            Some([shape, _]) if !has_forces => {
-                format!("The shape of the finer equilibrium is itself known to {}.", relative(shape))
-            }
             Some([shape, held]) => format!(
                 "The finer equilibrium is itself known to {} in shape, and to {} in force and torque.",
                 relative(shape),
@@ -249,7 +248,7 @@ fn verdict(row: &Measurement, report: &Report) -> String {
         );
     }
     if !row.is_mesh_known() {
-        let held = row.held().map_or_else(|| "not measured".into(), relative);
+        let held = relative(row.held());
         let why = report.not_compared.first().map_or_else(String::new, |why| format!(" ({why})"));
         return format!(
             "For {time} an evaluation: what the mesh adds to the error was not measured in any pose{why}. The model alone has \
@@ -260,24 +259,14 @@ fn verdict(row: &Measurement, report: &Report) -> String {
     // The finest mesh is compared with itself: the rest of its error is known, that of its mesh is not.
     let (within, and) =
         if row.is_reference() { ("wrong by at least", "by at least") } else { ("within", "within") };
-    let Some(held) = row.held() else {
-        let verdict = match Trust::from_error(row.shape()) {
-            Trust::Good => "there the shape can be trusted",
-            Trust::Rough => "the shape is a rough guide",
-            Trust::Bad => "do not trust the shape",
-        };
-        return format!(
-            "For {time} an evaluation, in {poses}, the shape is {within} {shape}: {verdict}. Its forces were not measured."
-        );
-    };
     let verdict = if row.is_reference() && Trust::from_error(row.worst()) == Trust::Good {
         "it is the finest mesh that was measured, so the error of the mesh itself is not known"
     } else {
-        both(Trust::from_error(row.shape()), Trust::from_error(held))
+        both(Trust::from_error(row.shape()), Trust::from_error(row.held()))
     };
     format!(
         "For {time} an evaluation, in {poses}, the shape is {within} {shape}, and force and torque {and} {}: {verdict}.",
-        relative(held)
+        relative(row.held())
     )
 }
 
@@ -298,7 +287,6 @@ fn both(shape: Trust, force: Trust) -> &'static str {
 
 /// Names the setting that brings everything within 5 %, or comes nearest to that.
 fn remedy(rows: &[Measurement], own: usize) -> String {
-    let what = if rows[own].held().is_some() { "both" } else { "the shape" };
     let is_good = |row: &Measurement| row.worst() <= GOOD;
     let Some(i) = cheapest_with(rows, &ONLINE, is_good) else {
         let Some(best) = most_accurate(rows) else { return unjudged(rows).trim_start().to_owned() };
@@ -306,21 +294,21 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
         let verb =
             if best == own { String::new() } else { format!(" comes nearest, with {}", errors(&rows[best])) };
         return format!(
-            "Nothing that was measured brings {what} within 5 %. {nearest}{verb}.{}",
+            "Nothing that was measured brings both within 5 %. {nearest}{verb}.{}",
             unjudged(rows)
         );
     };
     if i == own {
-        return format!("Nothing cheaper that was measured keeps {what} within 5 %.");
+        return format!("Nothing cheaper that was measured keeps both within 5 %.");
     }
     let (other, time) = (&rows[i], rows[i].cost.frame_p50_s);
     if rows[own].can_be_chosen() && is_good(&rows[own]) {
         if time < rows[own].cost.frame_p50_s {
-            return format!("{} keeps {what} within 5 % too, and is cheaper.", price(other));
+            return format!("{} keeps both within 5 % too, and is cheaper.", price(other));
         }
-        return format!("Nothing faster that was measured keeps {what} within 5 %.");
+        return format!("Nothing faster that was measured keeps both within 5 %.");
     }
-    format!("{} brings {what} within 5 %: {}.", price(other), errors(other))
+    format!("{} brings both within 5 %: {}.", price(other), errors(other))
 }
 
 /// The rows that may be within 5 %, but of whose mesh nothing is known; empty where there are none.
@@ -347,7 +335,7 @@ mod tests {
     use super::*;
     use crate::measure::{Cost, Errors, Spread};
 
-    fn row(model: &str, time_us: f64, shape: f64, held: impl Into<Option<f64>>) -> Measurement {
+    fn row(model: &str, time_us: f64, shape: f64, held: f64) -> Measurement {
         let spread = |worst: f64| Spread { median: 0.5 * worst, worst };
         Measurement {
             setting: Setting {
@@ -362,7 +350,7 @@ mod tests {
             error: Errors {
                 discretisation: Some(spread(1e-3)),
                 uncancelled: spread(shape),
-                uncancelled_held: held.into().map(spread),
+                uncancelled_held: spread(held),
                 ..Errors::default()
             },
             ..Measurement::default()
@@ -428,12 +416,6 @@ mod tests {
 
     #[test]
     fn what_is_not_known_is_not_claimed() {
-        let text = said(vec![row("rotation", 43.0, 0.023, None)]);
-        assert!(
-            text.contains("its forces were not measured") || text.contains("Its forces were not measured"),
-            "{text}"
-        );
-        assert!(!text.contains("both") && !text.contains("force and torque"), "{text}");
         // The scene's setting was not measured.
         let text = said(vec![row("linear", 20.0, 0.3, 0.6), row("reduced", 900.0, 0.01, 0.02)]);
         assert!(

@@ -187,11 +187,11 @@ fn numbers_of(row: &Measurement) -> Vec<(String, Option<f64>)> {
         ("total", "relative", Some(error.total)),
         ("uncancelled", "relative", Some(error.uncancelled)),
         ("displacement", "m", Some(error.displacement_m)),
-        ("force", "relative", error.force),
-        ("torque", "relative", error.torque),
+        ("force", "relative", Some(error.force)),
+        ("torque", "relative", Some(error.torque)),
         ("mesh_held", "relative", error.mesh_held),
-        ("model_held", "relative", error.model_held),
-        ("uncancelled_held", "relative", error.uncancelled_held),
+        ("model_held", "relative", Some(error.model_held)),
+        ("uncancelled_held", "relative", Some(error.uncancelled_held)),
     ];
     let plain = COLUMNS.iter().map(|column| (column.name.to_owned(), (column.of)(row)));
     let forward_error = ("forward_error_relative".to_owned(), row.forward_error);

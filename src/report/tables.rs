@@ -69,25 +69,23 @@ pub fn compared(report: &Report) -> String {
             let trust = Trust::from_error(error);
             Cell { class: Some(trust_class(trust)), ..number(format!("{text}: {}", trust.word())) }
         };
-        let maybe = |spread: Option<Spread>| {
-            spread.map_or_else(|| number("–"), |spread| judged(relative(spread.worst), spread.worst))
-        };
+        let held = error.uncancelled_held.worst;
         let shape = format!("{} ({})", relative(error.uncancelled.worst), metres(error.displacement_m.worst));
-        let both = |shape: Option<Spread>, held: Option<Spread>| {
-            let of = |spread: Option<Spread>| spread.map_or("not measured".into(), |s| relative(s.worst));
-            number(match (shape, held) {
-                (None, None) => "not measured".into(),
-                (shape, held) => format!("{}, {}", of(shape), of(held)),
-            })
+        let both = |shape: Spread, held: Spread| {
+            number(format!("{}, {}", relative(shape.worst), relative(held.worst)))
         };
+        let mesh = error.discretisation.zip(error.mesh_held);
         vec![
             ("setting", bold(word(capital(role)), true)),
             ("", word(setting.to_string())),
             ("one evaluation", number(seconds(cost.frame_p50_s))),
             ("shape", judged(shape, error.uncancelled.worst)),
-            ("force and torque", maybe(error.uncancelled_held)),
-            ("the mesh alone: shape, force and torque", both(error.discretisation, error.mesh_held)),
-            ("the model alone", both(Some(error.model), error.model_held)),
+            ("force and torque", judged(relative(held), held)),
+            (
+                "the mesh alone: shape, force and torque",
+                mesh.map_or_else(|| number("not measured"), |(shape, held)| both(shape, held)),
+            ),
+            ("the model alone", both(error.model, error.model_held)),
             ("offline", number(seconds(cost.offline_s))),
             ("file", number(bytes(cost.file_bytes))),
         ]
@@ -114,7 +112,7 @@ pub fn goals(rows: &[Measurement]) -> String {
             )
         };
         let shape = |row: &Measurement| row.shape() <= goal;
-        let held = |row: &Measurement| row.held().is_some_and(|held| held <= goal);
+        let held = |row: &Measurement| row.held() <= goal;
         let both = |row: &Measurement| shape(row) && held(row);
         vec![
             ("within", bold(number(relative(goal)), true)),
@@ -136,14 +134,13 @@ pub fn to_copy(rows: &[Measurement]) -> String {
     let mut shown = ladder(rows, &ONLINE);
     shown.extend(most_accurate(rows).filter(|best| !shown.contains(best)));
     for Measurement { setting, cost, error, .. } in shown.into_iter().map(|i| &rows[i]) {
-        let maybe = |spread: Option<Spread>| spread.map_or_else(String::new, |s| percent(s.worst));
         let cells = [
             digits(1e6 * cost.frame_p50_s, 3),
             digits(cost.offline_s, 3),
             digits(1e-6 * cost.file_bytes, 3),
             percent(error.uncancelled.worst),
             digits(1e3 * error.displacement_m.worst, 3),
-            maybe(error.uncancelled_held),
+            percent(error.uncancelled_held.worst),
         ];
         text += &format!("{}\t{}\n", setting.values().join("\t"), cells.join("\t"));
     }
@@ -161,7 +158,7 @@ pub fn efficient_settings(rows: &[Measurement]) -> Vec<NamedCells<'static>> {
             ("file", number(bytes(cost.file_bytes))),
             ("shape", number(relative(error.uncancelled.median))),
             ("worst pose", number(relative(error.uncancelled.worst))),
-            ("force and torque, worst", number(rows[i].held().map_or_else(|| "–".into(), relative))),
+            ("force and torque, worst", number(relative(rows[i].held()))),
             ("largest part", word(error.largest_part())),
         ]);
         line
@@ -230,10 +227,10 @@ pub fn errors(rows: &[Measurement]) -> String {
                 "displacement",
                 number(format!("{} / {}", metres(displacement.median), metres(displacement.worst))),
             ),
-            ("force", maybe(error.force)),
-            ("torque", maybe(error.torque)),
+            ("force", both(error.force)),
+            ("torque", both(error.torque)),
             ("of them the mesh", maybe(error.mesh_held)),
-            ("of them the model", maybe(error.model_held)),
+            ("of them the model", both(error.model_held)),
         ]);
         line
     };

@@ -8,11 +8,10 @@ use super::faer_cholesky::FAER;
 use super::mixed::MIXED;
 use super::pcg::PCG;
 use super::solver::{AnalysisInput, Job, LinearSolver, Method, NO_UNKNOWNS, Solver};
+use crate::base::by_name::by_name;
 use crate::base::progress::Progress;
 use crate::config::unknown_name;
 use crate::fem::StiffnessMatrix;
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::str::FromStr;
 
 /// All methods; a new one is one file and one line here.
@@ -81,25 +80,7 @@ impl Default for &'static Method {
     }
 }
 
-impl PartialEq for Method {
-    fn eq(&self, other: &Method) -> bool {
-        self.name == other.name
-    }
-}
-
-impl Eq for Method {}
-
-impl Serialize for Method {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
-
-impl<'de> Deserialize<'de> for &'static Method {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static Method, D::Error> {
-        find_method(&String::deserialize(deserializer)?).map_err(D::Error::custom)
-    }
-}
+by_name!(Method, find_method);
 
 #[cfg(test)]
 mod tests {

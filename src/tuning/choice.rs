@@ -31,7 +31,7 @@ fn preference(a: &Measurement, b: &Measurement) -> std::cmp::Ordering {
         let model = MODELS.iter().position(|model| model == setting.model).unwrap_or(MODELS.len());
         (!setting.solver.method.is_direct, setting.storage != Storage::F32.name(), model)
     };
-    let numbers = |row: &Measurement| [row.cost.offline_bytes, error(row)];
+    let numbers = |row: &Measurement| [row.cost.offline_bytes, row.shape()];
     words(a)
         .cmp(&words(b))
         .then_with(|| numbers(a)[0].total_cmp(&numbers(b)[0]))
@@ -61,7 +61,7 @@ fn undominated<'a>(first: &'a Measurement, met: &[&'a Measurement]) -> &'a Measu
         let is_better = |other: &&&Measurement| {
             let costs = |row: &Measurement| [time(row), row.cost.offline_s, row.cost.file_bytes];
             let no_dearer = costs(other).iter().zip(costs(row)).all(|(other, own)| *other <= own);
-            no_dearer && held(other) <= held(row) && error(other) < BETTER * error(row)
+            no_dearer && other.held() <= row.held() && other.shape() < BETTER * row.shape()
         };
         let better: Vec<&Measurement> = met.iter().filter(is_better).copied().collect();
         // Each is better than the one before by a tenth, so this ends.
@@ -72,21 +72,11 @@ fn undominated<'a>(first: &'a Measurement, met: &[&'a Measurement]) -> &'a Measu
     }
 }
 
-/// The worst error of displacements.
-fn error(row: &Measurement) -> f64 {
-    row.shape()
-}
-
-/// The worst error of forces and torques; parts of opposite sign do not cancel in it. Infinite where no forces were measured.
-fn held(row: &Measurement) -> f64 {
-    row.held().unwrap_or(f64::INFINITY)
-}
-
 /// Everything that is asked: the key, the measured value and the limit, both in the key's unit.
 fn asked(row: &Measurement, demand: &AccuracyTarget) -> Vec<(&'static str, f64, f64)> {
     let all = match demand {
         AccuracyTarget::Accuracy(Accuracy { displacement, force, .. }) => {
-            vec![("displacement", error(row), *displacement), ("force", held(row), *force)]
+            vec![("displacement", row.shape(), *displacement), ("force", row.held(), *force)]
         }
         AccuracyTarget::Budget(Budget { frame_ms, file_mb, offline_s, .. }) => vec![
             ("frame_ms", 1e3 * time(row), *frame_ms),
@@ -125,7 +115,7 @@ pub fn choose_among<'a>(
     };
     let row = best.or_else(|| least(&candidates, |row| miss(row, demand), SAME_ERROR))?;
     let better: Vec<&Measurement> =
-        candidates.into_iter().filter(|other| error(other) < BETTER * error(row)).collect();
+        candidates.into_iter().filter(|other| other.shape() < BETTER * row.shape()).collect();
     Some(Choice { row, miss: miss(row, demand), next: fastest(&better) })
 }
 
@@ -201,8 +191,8 @@ impl Choice<'_> {
 fn errors(row: &Measurement) -> String {
     format!(
         "displacement to {:.2} %, force and torque to {:.2} % of the largest wrench",
-        100.0 * error(row),
-        100.0 * held(row)
+        100.0 * row.shape(),
+        100.0 * row.held()
     )
 }
 
@@ -245,7 +235,7 @@ mod tests {
                 storage: Some(Spread::default()),
                 total: spread,
                 uncancelled: spread,
-                uncancelled_held: Some(spread),
+                uncancelled_held: spread,
                 ..Errors::default()
             },
             ..Measurement::default()
@@ -386,7 +376,7 @@ mod tests {
         let mut other = row("cholesky", "f32", 149.0, 0.0119);
         "tet4_anp".clone_into(&mut other.setting.element);
         other.cost.offline_bytes = 1e9;
-        other.error.uncancelled_held = Some(Spread { median: 0.5, worst: 0.5 });
+        other.error.uncancelled_held = Spread { median: 0.5, worst: 0.5 };
         let rows = [row("cholesky", "f32", 155.0, 0.0183), other];
         assert_eq!(chosen(&rows, &accuracy(0.05)).row.setting.element, "tet4");
     }

@@ -142,9 +142,7 @@ fn verify_choice(
         for row in table.rows.iter_mut().filter(|row| is_alike(&row.setting)) {
             let error = &mut row.error;
             error.uncancelled.worst = error.uncancelled.worst.max(found.shape);
-            if let (Some(held), Some(found)) = (&mut error.uncancelled_held, found.held) {
-                held.worst = held.worst.max(found);
-            }
+            error.uncancelled_held.worst = error.uncancelled_held.worst.max(found.held.unwrap_or(0.0));
         }
     }
 }

@@ -139,13 +139,8 @@ impl Deformer {
         columns.map(value).collect()
     }
 
-    /// Place in the body's frame of surface node `i` in the state that was taken last, whether or not the surface was summed for it;
+    /// Places in the body's frame of surface nodes in the state that was taken last, whether or not the surface was summed for it;
     /// f64, m.
-    pub fn place_in_state(&self, i: usize) -> Vector3<f64> {
-        self.place_by(&self.groups(), i)
-    }
-
-    /// [`Deformer::place_in_state`] of several nodes.
     pub fn places_in_state(&self, nodes: impl Iterator<Item = u32>) -> Vec<Vector3<f64>> {
         let groups = self.groups();
         nodes.map(|node| self.place_by(&groups, node as usize)).collect()

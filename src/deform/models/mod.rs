@@ -15,12 +15,11 @@ pub mod substructured;
 use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
 use super::statics;
 use super::statics::equilibria;
+use crate::base::by_name::by_name;
 use crate::fem::{LAWS, Law, STVK};
 use crate::green::{AFFINE, Solution};
 use crate::mesh::quality;
 use nalgebra::{DMatrix, Vector3};
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
 const ONLINE: &[ModelEntry] = &[
@@ -66,17 +65,7 @@ impl Default for &'static ModelEntry {
     }
 }
 
-impl Serialize for ModelEntry {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
-    }
-}
-
-impl<'de> Deserialize<'de> for &'static ModelEntry {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<&'static ModelEntry, D::Error> {
-        find_model(&String::deserialize(deserializer)?).map_err(D::Error::custom)
-    }
-}
+by_name!(ModelEntry, find_model);
 
 /// Makes a model of this kind; the error says why this body cannot have it.
 pub fn make_model(kind: &Kind, input: &ModelInput<'_>) -> Result<Box<dyn DeformationModel>, String> {

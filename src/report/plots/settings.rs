@@ -42,9 +42,7 @@ pub const FORCE: PlotEntry = PlotEntry {
 struct Quantity {
     title: &'static str,
     label: &'static str,
-    of: fn(&Measurement) -> Option<Spread>,
-    /// The median; infinite where it was not measured.
-    median: fn(&Measurement) -> f64,
+    of: fn(&Measurement) -> Spread,
     /// Whether the parts of the error are those of this quantity.
     has_parts: bool,
 }
@@ -52,49 +50,46 @@ struct Quantity {
 const SHAPE: Quantity = Quantity {
     title: "Shape: what an evaluation costs, and how wrong it is",
     label: "error of the shape, relative L2 (median of the poses)",
-    of: |row| Some(row.error.uncancelled),
-    median: |row| row.error.uncancelled.median,
+    of: |row| row.error.uncancelled,
     has_parts: true,
 };
 const HELD: Quantity = Quantity {
     title: "Force and torque: what an evaluation costs, and how wrong it is",
     label: "error of force and torque (median of the poses)",
     of: |row| row.error.uncancelled_held,
-    median: |row| row.error.uncancelled_held.map_or(f64::INFINITY, |spread| spread.median),
     has_parts: false,
 };
 
 impl Quantity {
-    fn rows<'a>(&self, report: &'a Report) -> Vec<&'a Measurement> {
-        report.rows.iter().filter(|row| (self.of)(row).is_some()).collect()
+    fn median(&self, row: &Measurement) -> f64 {
+        (self.of)(row).median
     }
 
     fn place(&self, row: &Measurement) -> [f64; 2] {
-        [(METRIC.of)(&row.cost), (self.median)(row)]
+        [(METRIC.of)(&row.cost), self.median(row)]
     }
 
-    /// The settings worth their time, as indices into [`Quantity::rows`].
-    fn rungs(&self, rows: &[&Measurement]) -> Vec<usize> {
-        let own: Vec<Measurement> = rows.iter().map(|row| (*row).clone()).collect();
-        ladder_by(&own, &METRIC, self.median)
+    /// The settings worth their time, as indices into the rows.
+    fn rungs(&self, rows: &[Measurement]) -> Vec<usize> {
+        ladder_by(rows, &METRIC, |row| self.median(row))
     }
 
     fn picture(&self, report: &Report) -> Result<Picture, String> {
-        let rows = self.rows(report);
-        let rungs = self.rungs(&rows);
+        let rows = &report.rows;
+        let rungs = self.rungs(rows);
         let (names, note) = names_and_note(&rungs.iter().map(|&i| &rows[i].setting).collect::<Vec<_>>());
-        let point = |row: &&Measurement| {
+        let point = |row: &Measurement| {
             let ([x, y], series) = (self.place(row), row.error.dominating().unwrap_or(0));
             Point { x, y, series: if self.has_parts { series } else { 0 }, tip: tip(row), ..Point::default() }
         };
         let mut points: Vec<Point> = rows.iter().map(point).collect();
-        let front = pareto::front_of(rows.iter().copied(), |row| self.place(row));
+        let front = pareto::front_of(rows.iter(), |row| self.place(row));
         for &i in front.iter().chain(&rungs) {
             points[i].strong = true;
         }
         for (&i, name) in rungs.iter().zip(names) {
             points[i].label = Some(name);
-            points[i].worst = (self.of)(rows[i]).map(|spread| spread.worst);
+            points[i].worst = Some((self.of)(&rows[i]).worst);
         }
         let parts = PARAMETERS.iter().map(|parameter| format!("mostly {}", parameter.part));
         let plot = Plot {
@@ -111,28 +106,28 @@ impl Quantity {
     }
 
     fn caption(&self, report: &Report) -> String {
-        let rows = self.rows(report);
-        let rungs = self.rungs(&rows);
+        let rows = &report.rows;
+        let rungs = self.rungs(rows);
         let (Some(&first), Some(&last)) = (rungs.first(), rungs.last()) else { return String::new() };
-        let (cheap, best) = (rows[first], rows[last]);
-        let front = pareto::front_of(rows.iter().copied(), |row| self.place(row));
+        let (cheap, best) = (&rows[first], &rows[last]);
+        let front = pareto::front_of(rows.iter(), |row| self.place(row));
         let outside = pareto::outside(&rows, &front, |row| self.place(row));
         let end = |row: &Measurement| {
-            let (time, error) = (seconds(row.cost.frame_p50_s), relative((self.median)(row)));
+            let (time, error) = (seconds(row.cost.frame_p50_s), relative(self.median(row)));
             format!("{} ({time}, {error})", row.setting)
         };
         if first == last {
             return format!("{} is the cheapest and, to a tenth, the most accurate.{outside}", end(cheap));
         }
         let time = best.cost.frame_p50_s / cheap.cost.frame_p50_s;
-        let error = (self.median)(cheap) / (self.median)(best);
+        let error = self.median(cheap) / self.median(best);
         let ratio = if time.is_finite() && error.is_finite() {
             format!(": {} times the time, {} times less error", times(time), times(error))
         } else {
             String::new()
         };
         let parts = if self.has_parts {
-            let known: Vec<&Measurement> = rows.iter().copied().filter(|row| row.can_be_chosen()).collect();
+            let known: Vec<&Measurement> = rows.iter().filter(|row| row.can_be_chosen()).collect();
             format!(" {}", largest_parts(&known, "settings"))
         } else {
             String::new()

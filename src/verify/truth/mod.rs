@@ -218,7 +218,7 @@ fn statements(
     truth: [Option<f64>; 2],
 ) -> impl Iterator<Item = Statement> {
     let known = |shown: Option<f64>| shown.filter(|_| row.is_mesh_known());
-    let shown = [known(Some(row.shape())), known(row.held())];
+    let shown = [known(Some(row.shape())), known(Some(row.held()))];
     let of = of.to_owned();
     [Quantity::Shape, Quantity::Wrench].into_iter().enumerate().filter_map(move |(i, quantity)| {
         let of = of.clone();
