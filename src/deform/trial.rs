@@ -11,13 +11,12 @@ use super::pose::se3::slide_matrix;
 use super::statics::{EquilibriumResult, HeldBody, Statics, StaticsError};
 use crate::base::statistics::median;
 use crate::fem::TET10;
-use crate::green::{self, GreenError, GreenFile, Precomputed};
+use crate::green::{self, GreenError, Precomputed};
 use crate::scene::Scene;
 use crate::solve::{Progress, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Serialize;
 use std::f64::consts::PI;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Direction about which a control element is turned, along the axis towards it, the axis about which it is bent, and the third
@@ -267,11 +266,7 @@ pub fn in_session(
     made: &Precomputed,
     model: &'static ModelEntry,
 ) -> Result<Result<Deformer, String>, GreenError> {
-    let folder =
-        tempfile::tempdir().map_err(|source| GreenError::Io { path: std::env::temp_dir(), source })?;
-    let path = folder.path().join("measured.green");
-    green::write(&path, std::slice::from_ref(made))?;
-    Ok(Deformer::new(Arc::new(GreenFile::open(&path)?), &made.name, model))
+    Ok(Deformer::new(green::opened(std::slice::from_ref(made))?, &made.name, model))
 }
 
 /// A body in one pose, by a model or in equilibrium: what is compared.

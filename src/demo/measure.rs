@@ -152,8 +152,7 @@ mod tests {
     /// The caption had no force where its error was not measured.
     #[test]
     fn a_caption_has_the_force_whether_or_not_its_error_is_known() {
-        let (scene, file, mut world) =
-            effect::ghost_equilibrium::tests::bar("demo-bend", "linear", &["haptics"]);
+        let (scene, file, mut world) = effect::ghost_equilibrium::tests::bar("linear", &["haptics"]);
         effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
         let pull = ControlPose { translation: Vector3::new(0.01, 0.0, 0.0), ..ControlPose::REST };
         world.bodies[0].deformer.evaluate(&[ControlPose::REST, pull]);

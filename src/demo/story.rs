@@ -300,10 +300,7 @@ impl Story {
 fn session(chapter: &Chapter, Ready { scene, file }: &Ready) -> Result<Session, Failure> {
     let stage: Stage = find_stage(chapter.stage).map_err(Failure::request)?;
     let script = crate::session::open::script(scene, None)?;
-    let mut world = World::new(scene, &scene.models(), file, stage)?;
-    let effects = effect::attach(effect::EFFECTS, scene, file, &mut world)?;
-    world.join(effects)?;
-    let mut session = Session::new(world, script);
+    let mut session = Session::new(effect::world(effect::EFFECTS, scene, file, stage)?, script);
     session.file = Some(file.clone());
     Ok(session)
 }

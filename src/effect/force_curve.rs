@@ -375,8 +375,8 @@ mod tests {
     use super::*;
 
     /// The bar's right end held through these poses; the effect, and its world.
-    fn held(name: &str, model: &str, poses: &[ControlPose]) -> (Box<dyn RunningEffect>, World) {
-        let (scene, file, mut world) = bar(name, model, &[NAME]);
+    fn held(model: &str, poses: &[ControlPose]) -> (Box<dyn RunningEffect>, World) {
+        let (scene, file, mut world) = bar(model, &[NAME]);
         let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap().remove(0);
         world.show_by(running.as_mut());
         assert!(
@@ -417,7 +417,7 @@ mod tests {
         let pulls: Vec<ControlPose> = (1..=5)
             .map(|k| ControlPose { translation: Vector3::x() * (1e-3 * f64::from(k)), ..ControlPose::REST })
             .collect();
-        let (mut running, mut world) = held("curve-pulled", "linear", &pulls);
+        let (mut running, mut world) = held("linear", &pulls);
         let [curve] = &plot(&world).curves[..] else { panic!("{:?}", plot(&world).curves) };
         assert_eq!((curve.len(), plot(&world).x.unit), (5, "m"));
         for [x, y] in curve {
@@ -452,7 +452,7 @@ mod tests {
     /// A body under a load bears a force already at rest: 0 N at 0 mm was invented there.
     #[test]
     fn the_curve_of_a_loaded_body_begins_with_the_force_that_it_has_at_rest() {
-        let (_, mut world) = held("curve-loaded", "linear", &[]);
+        let (_, mut world) = held("linear", &[]);
         let weight = Wrench { force: Vector3::new(3.0, 84.0, 0.0), moment: Vector3::z() * 13.0 };
         let body = &mut world.bodies[0];
         let mut trace = Trace::new((0, 1), body, &world.frame.bodies[0]);
@@ -486,7 +486,7 @@ mod tests {
                 ControlPose { matrix: *turn.matrix(), ..ControlPose::REST }
             })
             .collect();
-        let (_, world) = held("curve-twisted", "rotation", &twists);
+        let (_, world) = held("rotation", &twists);
         assert_eq!((plot(&world).x.unit, plot(&world).y.unit), ("°", "N·m"));
         let [x, y] = plot(&world).now.unwrap();
         assert!((x - 0.04f64.to_degrees()).abs() < 1e-9, "{x}°");
@@ -500,7 +500,7 @@ mod tests {
     fn the_band_is_as_wide_as_the_measured_error() {
         use crate::deform::{ErrorsAt, ExpectedErrors, MeshErrors, MotionErrors, MovedErrors, TurnErrors};
         use std::sync::Arc;
-        let (_, mut world) = held("curve-band", "linear", &[]);
+        let (_, mut world) = held("linear", &[]);
         let at = |angle: f64, stretch: f64| ErrorsAt {
             angle,
             turn: 0.1,

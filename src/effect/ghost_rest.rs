@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_ghost_is_the_body_at_rest_and_stands_only_beside_one_that_is_moved() {
-        let (scene, file, mut world) = bar("ghost-rest", "linear", &["ghost_rest"]);
+        let (scene, file, mut world) = bar("linear", &["ghost_rest"]);
         let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
         world.show_by(running[0].as_mut());
         assert!(

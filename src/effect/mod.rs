@@ -2,8 +2,8 @@
 //!
 //! Each effect is one entry of [`EFFECTS`] in a separate file or folder; a body lists those it wants, whose entries and settings
 //! [`Resolved`] holds. What they require is precomputed ([`requirements`]), with tensors of their own in the .green file
-//! ([`add_sections`]). They join a world when it is made ([`attach`]), and a live session starts their devices and threads
-//! ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve, surface and show, in the order of
+//! ([`add_sections`]). They join a world when it is made ([`attach`], [`world`]), and a live session starts their devices and
+//! threads ([`start`]). A [`RunningEffect`] takes part in the four phases of a frame, input, solve, surface and show, in the order of
 //! [`EFFECTS`], and its `memory` lasts from frame to frame.
 
 mod contact;
@@ -30,8 +30,10 @@ use crate::green::{
     self, Assembled, Further, GreenError, GreenFile, Keeping, Precomputed, Requirements, Solution, Tensor,
     is_column,
 };
-use crate::solve::Progress;
+use crate::solve::{Progress, Silent};
+use crate::stage::Stage;
 use crate::world::{RunningEffect, World};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Precomputes a body of the scene with the sections of its effects; the time that each effect takes is in
@@ -58,6 +60,16 @@ pub fn precompute(
     let mut body = green::precompute_kept(scene, name, requirements, fits, further, keeping, progress)?;
     add_sections(scene, &mut body, progress)?;
     Ok(body)
+}
+
+/// The .green file of all bodies of a scene, with what its model and effects require; nothing is left on the disk.
+pub fn file_of(scene: &Resolved) -> Result<Arc<GreenFile>, Failure> {
+    let made = |name: &String| {
+        let required = scene.requirements(name)?;
+        Ok(precompute(scene, name, &required, Keeping::default(), &Silent)?)
+    };
+    let bodies: Vec<_> = scene.bodies.keys().map(made).collect::<Result<_, Failure>>()?;
+    Ok(green::opened(&bodies)?)
 }
 
 /// Makes the tensors of those effects of a body that have any, and adds them to the sections of the body.
@@ -124,6 +136,19 @@ pub fn attach(
     Ok(running)
 }
 
+/// A world of the scene with those of `entries` that it lists.
+pub fn world(
+    entries: &[EffectEntry],
+    scene: &Resolved,
+    file: &Arc<GreenFile>,
+    stage: Stage,
+) -> Result<World, Failure> {
+    let mut world = World::new(scene, &scene.models(), file, stage)?;
+    let effects = attach(entries, scene, file, &mut world)?;
+    world.join(effects)?;
+    Ok(world)
+}
+
 /// Starts what the effects of a scene have in a live session.
 pub fn start(
     scene: &Resolved,
@@ -147,12 +172,9 @@ mod tests {
     use crate::green::{AFFINE, FAMILIES, Family, STIFFNESS};
     use crate::render::Drawable;
     use crate::scene::Scene;
-    use crate::solve::Silent;
-    use crate::stage::Stage;
     use crate::track::TrackerState;
     use crate::world::Frame;
     use std::path::Path;
-    use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
     use std::thread::JoinHandle;
 
@@ -188,18 +210,15 @@ mod tests {
 
     #[test]
     fn an_effect_with_tensors_of_its_own_fills_its_section_of_the_file() {
-        let (scene, folder) = (scene("\"means\""), tempfile::tempdir().unwrap());
+        let scene = scene("\"means\"");
         let required = requirements(&LINEAR, [&MEANS]);
         assert_eq!(required.describe(), "affine, means");
         let mut body = green::precompute(&scene, "b", &required, &Silent).unwrap();
-        let path = folder.path().join("b.green");
-        green::write(&path, std::slice::from_ref(&body)).unwrap();
-        let error = GreenFile::open(&path).unwrap_err().to_string();
+        let error = green::opened(std::slice::from_ref(&body)).unwrap_err().to_string();
         assert!(error.contains("the section b/means/ of the effect means is missing"), "{error}");
 
         add_sections(&scene, &mut body, &Silent).unwrap();
-        green::write(&path, &[body]).unwrap();
-        let file = GreenFile::open(&path).unwrap();
+        let file = green::opened(&[body]).unwrap();
         file.check_belongs(&scene, "b", &required).unwrap();
         let other = file.check_belongs(&scene, "b", &requirements(&LINEAR, [])).unwrap_err().to_string();
         assert!(other.contains("is stale"), "{other}");
@@ -210,7 +229,7 @@ mod tests {
         assert!(file.section::<f32>("b", "means", "columns").is_err());
         let missing = file.section::<f64>("b", "means", "rows").unwrap_err().to_string();
         assert!(missing.contains("tensor b/means/rows is missing"), "{missing}");
-        assert!(Deformer::new(Arc::new(file), "b", &LINEAR).unwrap().wrenches().is_none());
+        assert!(Deformer::new(file, "b", &LINEAR).unwrap().wrenches().is_none());
     }
 
     /// An effect that stands in no list: a strip above each body that lists it, and a thread that counts until its end.
@@ -267,12 +286,9 @@ mod tests {
 
     #[test]
     fn an_effect_joins_the_worlds_of_scenes_that_list_it_and_no_others() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("halo.green");
         let [unlisted, scene] = ["", "\"halo\""].map(scene);
         let body = green::precompute(&scene, "b", &Requirements::new(&[AFFINE]), &Silent).unwrap();
-        green::write(&path, &[body]).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let file = green::opened(&[body]).unwrap();
         let mut world =
             World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap();
         assert!(attach(&[HALO], &unlisted, &file, &mut world).unwrap().is_empty(), "it is not listed");

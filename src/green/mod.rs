@@ -75,4 +75,4 @@ pub use requirements::{Family, Requirements};
 pub use resurface::{NewSurface, NewWeight, resurfaced};
 pub use rigid::RigidMotion;
 pub use solution::{Precomputed, Solution, StepTimes};
-pub use write::{write, write_with};
+pub use write::{opened, write, write_with};

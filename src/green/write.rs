@@ -24,6 +24,15 @@ pub fn write(path: &Path, bodies: &[Precomputed]) -> Result<u64, GreenError> {
     write_with(path, bodies, &[])
 }
 
+/// The .green file of precomputed bodies, whose place on the disk is gone when this returns.
+pub fn opened(bodies: &[Precomputed]) -> Result<Arc<GreenFile>, GreenError> {
+    let failed = |source| GreenError::Io { path: std::env::temp_dir(), source };
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let path = folder.path().join("bodies.green");
+    write(&path, bodies)?;
+    GreenFile::open(&path).map(Arc::new)
+}
+
 /// Writes `bodies` into a .green file, and copies the bodies `kept`, by their names, from other files as they are there.
 pub fn write_with(
     path: &Path,

@@ -206,11 +206,8 @@ mod tests {
                     low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                     high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
         let scene = Scene::parse(text, std::path::Path::new("test.toml")).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("b.green");
         let body = green::precompute(&scene, "b", &Requirements::new(&[AFFINE]), &Silent).unwrap();
-        green::write(&path, &[body]).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let file = green::opened(&[body]).unwrap();
         let rotation = crate::deform::find_model("rotation").unwrap();
         let mut timed_deformer = TimedDeformer::new(&file, "b", rotation).unwrap();
         time_in_turn(&mut [&mut timed_deformer], &[vec![ControlPose::REST; 2]], 5);

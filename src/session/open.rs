@@ -14,7 +14,6 @@ use crate::scene::Scene;
 use crate::scene::proposal::relative;
 use crate::stage::Stage;
 use crate::track::Script;
-use crate::world::World;
 use crate::{effect, prepare, stage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -87,9 +86,7 @@ impl Session {
             notice!("stage {}: {}; `greenstage check` says more", stage.name, error.message);
         }
         let file = file()?;
-        let mut world = World::new(scene, &scene.models(), &file, stage)?;
-        let effects = effect::attach(effect::EFFECTS, scene, &file, &mut world)?;
-        world.join(effects)?;
+        let mut world = effect::world(effect::EFFECTS, scene, &file, stage)?;
         let named = named.unwrap_or_else(|| scene.stage_from_here());
         if let Some(replay) = &mut replay {
             replay.start(&Origin { scene, file: &file, stage: &named }, &mut world)?;

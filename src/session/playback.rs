@@ -110,7 +110,7 @@ mod tests {
         let script = "frame = \"room\"\n[[key]]\ntime = 0.0\nstylus.pen = { position = [0, 1, 0], direction = [0, 0, -1] }\n\
                       [[key]]\ntime = 3.0\n";
         for frames in [2, 7, 300] {
-            let world = crate::world::tests::world(&format!("playback-{frames}"));
+            let world = crate::world::tests::world();
             let script = Script::parse(script, Path::new("s.toml")).unwrap();
             let mut session = Session::new(world, Some(script));
             let mut playback = Playback::new(&session, frames).unwrap();

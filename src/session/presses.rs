@@ -49,8 +49,7 @@ impl ScriptPresses {
 
 #[cfg(test)]
 mod tests {
-    use crate::green::{self, GreenFile};
-    use crate::prepare;
+    use crate::effect;
     use crate::prepare::Resolved;
     use crate::render::Drawable;
     use crate::scene::{Generate, Grab, Scene};
@@ -60,10 +59,9 @@ mod tests {
     use crate::track::Script;
     use crate::world::World;
     use std::path::Path;
-    use std::sync::Arc;
 
     fn warnings(aside: f64) -> Vec<String> {
-        let world = crate::world::tests::world("script-presses");
+        let world = crate::world::tests::world();
         let end = world.bodies[0].room_from_body
             * nalgebra::Point3::from(world.bodies[0].deformer.controls[1].origin);
         let [x, y, z] = [end.x, end.y + aside, end.z];
@@ -103,7 +101,6 @@ mod tests {
     /// grabbed.
     #[test]
     fn every_built_in_script_grabs_on_every_stage() {
-        let folder = tempfile::tempdir().unwrap();
         for (name, _) in crate::scene::built_in::BUILT_IN {
             let scene = coarse(name);
             let mut controls = scene.body.values().flat_map(|body| body.control.values());
@@ -111,9 +108,7 @@ mod tests {
                 continue;
             }
             let scene = Resolved::new(scene).unwrap();
-            let path = folder.path().join(format!("{name}.green"));
-            green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-            let file = Arc::new(GreenFile::open(&path).unwrap());
+            let file = effect::file_of(&scene).unwrap();
             for (stage_name, _) in crate::stage::BUILT_IN {
                 let world =
                     World::new(&scene, &scene.models(), &file, Stage::find(stage_name).unwrap()).unwrap();

@@ -3,7 +3,7 @@
 use crate::base::failure::Failure;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
-use crate::green::{self, GreenFile};
+use crate::green;
 use crate::measure::poses::{hardest_first, random};
 use crate::mesh::TetMesh;
 use crate::mesh::quality::bounding_box;
@@ -12,7 +12,6 @@ use crate::scene::Scene;
 use crate::session::{Playback, Session, open};
 use crate::solve::Solver;
 use crate::world::World;
-use std::sync::Arc;
 
 /// Poses with their names, and one sentence on where they come from.
 pub type NamedPoses = (Vec<(String, ControlPoses)>, String);
@@ -36,10 +35,7 @@ pub fn scripted_or_random(
 ) -> Result<NamedPoses, Failure> {
     if let (None, Some(script)) = (seed, open::script(scene, None)?) {
         let count = SCRIPT_POSES;
-        let folder = tempfile::tempdir().map_err(Failure::work)?;
-        let path = folder.path().join("script.green");
-        green::write(&path, &prepare::precompute(scene, true)?)?;
-        let file = Arc::new(GreenFile::open(&path)?);
+        let file = green::opened(&prepare::precompute(scene, true)?)?;
         let world = World::new(scene, &scene.models(), &file, open::stage(scene, None)?)?;
         let duration_s = script.duration_s;
         let mut session = Session::new(world, Some(script));

@@ -103,7 +103,7 @@ mod tests {
     /// A turn of both ends turns the whole block, which changes no distance; a stretch moves the points at its ends by itself.
     #[test]
     fn the_ruler_follows_the_material_through_an_affine_motion() {
-        let mut world = world("ruler");
+        let mut world = world();
         aim(&mut world, -0.3, 0.2);
         world.carry_out(Action::Measure);
         aim(&mut world, 0.45, -0.35);
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_ray_that_hits_nothing_sets_no_end() {
-        let mut world = world("ruler-missed");
+        let mut world = world();
         aim(&mut world, 5.0, 0.0);
         world.carry_out(Action::Measure);
         assert!(world.edit.ruler == Ruler::default() && world.warnings.len() == 1);

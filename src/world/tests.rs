@@ -3,13 +3,12 @@
 use super::inertia::Inertia;
 use super::*;
 use crate::deform::{Contribution, ControlPose};
-use crate::green::GreenFile;
+use crate::effect;
 use crate::interact::Action;
 use crate::prepare::Resolved;
 use crate::render::Drawable;
 use crate::stage::{Eye, Stage, rotation_towards};
 use crate::track::{Signal, StylusState, TrackerState};
-use crate::{green, prepare};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
@@ -32,13 +31,9 @@ nodes = { group = "xmax" }
 grab = "dragger"
 "#;
 
-pub fn world(name: &str) -> World {
-    let folder = std::env::temp_dir().join(format!("greenstage-world-{name}-{}", std::process::id()));
+pub fn world() -> World {
     let scene = Resolved::parse(SCENE, Path::new("scene.toml")).unwrap();
-    let path = folder.join("scene.green");
-    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
-    std::fs::remove_dir_all(&folder).unwrap();
+    let file = effect::file_of(&scene).unwrap();
     World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap()
 }
 
@@ -72,7 +67,7 @@ impl RunningEffect for Counter {
 /// The graph was evaluated twice in a frame that began at rest, and effects with it.
 #[test]
 fn effects_are_asked_once_a_frame() {
-    let mut world = world("asked");
+    let mut world = world();
     let count = Arc::new(AtomicUsize::new(0));
     world.join(vec![Box::new(Counter(count.clone()))]).unwrap();
     let at_end = state(&world, [1.5, 0.0, 0.1], [0.0, 0.0, 0.1], true);
@@ -87,7 +82,7 @@ fn effects_are_asked_once_a_frame() {
 /// A block is drawn with six flat sides: each vertex has the normal of its side, while a node is counted once.
 #[test]
 fn a_block_keeps_its_sharp_edges() {
-    let mut world = world("edges");
+    let mut world = world();
     let body = &mut world.bodies[0];
     let nodes = body.deformer.node_count();
     let corners_and_edges = 2 * 8 + 4 * (3 + 1 + 1);
@@ -110,7 +105,7 @@ fn a_block_keeps_its_sharp_edges() {
 
 #[test]
 fn the_stylus_carries_the_end_of_a_fitted_body() {
-    let mut world = world("carry");
+    let mut world = world();
     let at_end = |world: &World, y: f64, pressed| state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed);
     world.step(&at_end(&world, 0.0, false).into());
     assert_eq!(world.frame.bodies[0].highlights[1], Highlight::Hovered);
@@ -129,7 +124,7 @@ fn the_stylus_carries_the_end_of_a_fitted_body() {
 
 #[test]
 fn a_ray_that_passes_by_takes_a_planar_end_and_a_fixed_one_is_never_taken() {
-    let mut world = world("passing");
+    let mut world = world();
     let from_above = |world: &World, x: f64| state(world, [x, 1.5, 0.0], [x, 0.0, 0.0], false);
     for (x, highlight) in [
         (0.95, Highlight::Hovered),
@@ -146,7 +141,7 @@ fn a_ray_that_passes_by_takes_a_planar_end_and_a_fixed_one_is_never_taken() {
 
 #[test]
 fn an_eye_behind_a_screen_has_no_view() {
-    let mut world = world("behind");
+    let mut world = world();
     assert!(world.view(1, Eye::Left).is_some());
     let behind = Isometry3::translation(0.0, 1.5, -0.5);
     world.step(&TrackerState { head: Some(behind), styli: vec![], time_s: 2.5 }.into());
@@ -159,9 +154,9 @@ fn an_eye_behind_a_screen_has_no_view() {
 }
 
 /// The state of `first`, through JSON, in a new world.
-fn copied(first: &World, name: &str) -> World {
+fn copied(first: &World) -> World {
     let text = serde_json::to_vec(&first.state().unwrap()).unwrap();
-    let mut second = world(name);
+    let mut second = world();
     second.set_state(&serde_json::from_slice(&text).unwrap()).unwrap();
     second
 }
@@ -169,7 +164,7 @@ fn copied(first: &World, name: &str) -> World {
 /// Recordings stored fields alone, and refused to begin where something else was not at rest.
 #[test]
 fn a_world_in_the_state_of_another_goes_on_as_that_one_does() {
-    let mut first = world("written");
+    let mut first = world();
     let carry = |world: &World, y: f64, pressed, time_s: f64| TrackerState {
         time_s,
         ..state(world, [1.5, y, 0.1], [0.0, y, 0.1], pressed)
@@ -193,7 +188,7 @@ fn a_world_in_the_state_of_another_goes_on_as_that_one_does() {
     }
     // In the hand, with something to undo, moved and scaled, on its way aside, with a ruler laid.
     for action in [Some(Action::ScaleScene(1.5)), Some(Action::Measure), Some(Action::SetAside(0)), None] {
-        let mut second = copied(&first, "read");
+        let mut second = copied(&first);
         for (y, pressed) in [(0.3, true), (0.35, true), (0.5, true), (0.5, false)] {
             seen.push(go_on(&mut [&mut first, &mut second], y, pressed, None));
         }
@@ -201,7 +196,7 @@ fn a_world_in_the_state_of_another_goes_on_as_that_one_does() {
     }
     for action in [Action::ResetNavigation, Action::Undo, Action::Redo, Action::SnapBack] {
         go_on(&mut [&mut first], 0.5, false, Some(action));
-        let mut second = copied(&first, "commanded");
+        let mut second = copied(&first);
         for _ in 0..6 {
             seen.push(go_on(&mut [&mut first, &mut second], 0.5, false, None));
         }
@@ -212,11 +207,11 @@ fn a_world_in_the_state_of_another_goes_on_as_that_one_does() {
 
 #[test]
 fn a_state_of_another_scene_is_refused() {
-    let first = world("first-state");
+    let first = world();
     let refusal = |change: &dyn Fn(&mut State)| {
         let mut state = first.state().unwrap();
         change(&mut state);
-        world("refused-state").set_state(&state).unwrap_err()
+        world().set_state(&state).unwrap_err()
     };
     assert_eq!(refusal(&|state| state.bodies.clear()), "it has 0 bodies, the scene has 1");
     assert!(refusal(&|state| state.styli = 99).contains("99 styli"));
@@ -230,7 +225,7 @@ fn a_state_of_another_scene_is_refused() {
 
 #[test]
 fn keys_act_where_the_cursor_points_though_another_stylus_is_lost() {
-    let mut world = world("cursor");
+    let mut world = world();
     let mut tracked = state(&world, [1.5, 0.0, 0.1], [0.0, 0.0, 0.1], false);
     assert_eq!(world.cursor(), None);
     let lost = StylusState { signal: Signal::Lost { age_s: 9.0 }, ..tracked.styli[0] };

@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn a_body_that_is_turned_by_more_than_half_a_turn_is_told_its_whole_turn() {
-        let mut world = crate::world::tests::world("turn-limits");
+        let mut world = crate::world::tests::world();
         let deformer = &mut world.bodies[0].deformer;
         let mut poses = deformer.poses.clone();
         for degrees in (0..=200).step_by(10) {

@@ -25,13 +25,10 @@ use std::time::{Duration, Instant};
 fn tube() -> Arc<GreenFile> {
     static FILE: OnceLock<Arc<GreenFile>> = OnceLock::new();
     let make = || {
-        let place = folder("haptics-tube");
-        let scene = Scene::load(&coarse_demo(&place)).unwrap();
+        let scene = Scene::load(&coarse_demo(&folder("haptics-tube"))).unwrap();
         let tube =
             green::precompute(&scene, "tube", &Requirements::new(&[STIFFNESS, CUBIC]), &Silent).unwrap();
-        let path = place.join("tube.green");
-        green::write(&path, &[tube]).unwrap();
-        Arc::new(GreenFile::open(&path).unwrap())
+        green::opened(&[tube]).unwrap()
     };
     FILE.get_or_init(make).clone()
 }

@@ -1,15 +1,12 @@
 //! A hand that feels what its tool presses: contacts of frames, sixty times a second, and the force loop between them, in virtual time.
 
 use greenstage::effect::haptics::{Control, Device, Grasp, Hand, Simulated, TouchSpring};
-use greenstage::effect::{EFFECTS, Resolved, attach};
-use greenstage::green::{self, GreenFile};
-use greenstage::prepare;
+use greenstage::effect::{self, EFFECTS, Resolved};
 use greenstage::stage::{BUILT_IN, Haptic, Stage};
 use greenstage::track::{StylusState, TrackerState};
 use greenstage::world::World;
 use nalgebra::{Isometry3, Vector3};
 use std::path::Path;
-use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -52,16 +49,11 @@ impl Bar {
     /// A scene with a body and a tool on the stylus.
     fn of(text: &str, hand: Hand) -> Bar {
         let scene = Resolved::parse(text, Path::new("bar.toml")).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("bar.green");
-        green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let file = effect::file_of(&scene).unwrap();
         let stage = Stage::parse(&format!("{}\n{DEVICE}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
         let mut haptic: Haptic = stage.haptics[0].clone();
         haptic.room_from_device = Isometry3::identity();
-        let mut world = World::new(&scene, &scene.models(), &file, stage).unwrap();
-        let effects = attach(EFFECTS, &scene, &file, &mut world).unwrap();
-        world.join(effects).unwrap();
+        let world = effect::world(EFFECTS, &scene, &file, stage).unwrap();
         let control = Control::new(haptic.clone(), Vec::new(), 0.0);
         let device = Simulated::new(&haptic, hand);
         Bar { world, control, device, grasp: Grasp::default(), spring: TouchSpring::default(), ticks: 0 }

@@ -1,6 +1,6 @@
 //! Models of large strain online: what the background finds is static equilibrium, and is felt as it should be.
 
-use crate::common::{block_scene, folder};
+use crate::common::block_scene;
 use greenstage::deform::{
     ControlPose, ControlPoses, DeformationModel, Deformer, EquilibriumResult, PoseSlope, StateAge, Statics,
     find_model,
@@ -22,19 +22,16 @@ control.high = { nodes = { group = "xmax" }, grab = "dragger" }
 control.low = { nodes = { group = "xmin" }, grab = "fixed" }
 "#;
 
-fn file_of(name: &str, scene: &Scene) -> Arc<GreenFile> {
+fn file_of(scene: &Scene) -> Arc<GreenFile> {
     let body = scene.body.keys().next().unwrap();
-    let path = folder(name).join("body.green");
     let precomputed = green::precompute(scene, body, &Requirements::new(&[VOLUME]), &Silent).unwrap();
-    green::write(&path, &[precomputed]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
+    green::opened(&[precomputed]).unwrap()
 }
 
 /// A body that waits for the equilibrium of each of its poses.
-fn waiting(name: &str, scene: &Scene, model: &str) -> Deformer {
+fn waiting(scene: &Scene, model: &str) -> Deformer {
     let mut deformer =
-        Deformer::new(file_of(name, scene), scene.body.keys().next().unwrap(), find_model(model).unwrap())
-            .unwrap();
+        Deformer::new(file_of(scene), scene.body.keys().next().unwrap(), find_model(model).unwrap()).unwrap();
     deformer.be_patient(Duration::MAX);
     deformer
 }
@@ -72,7 +69,7 @@ fn respond(model: &mut dyn DeformationModel, poses: &[ControlPose]) -> (f64, Vec
 fn what_the_background_finds_is_static_equilibrium() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
     for law in LAWS {
-        let mut deformer = waiting(&format!("background-{}", law.name), &scene, law.name);
+        let mut deformer = waiting(&scene, law.name);
         let mut felt = deformer.another_model().unwrap();
         let mut statics = Statics::new(&scene, "b", law, &Silent).unwrap();
         let ways =
@@ -100,7 +97,7 @@ fn every_element_is_followed() {
         let to = format!("material = {{ young = 1.0e6, poisson = {poisson} }}\nelement = \"{element}\"");
         let text = BEAM.replacen(from, &to, 1).replacen("[16, 2, 2]", &format!("{cells:?}"), 1);
         let scene = Scene::parse(&text, Path::new("background.toml")).unwrap();
-        let mut deformer = waiting(&format!("background-{element}"), &scene, "neo_hookean");
+        let mut deformer = waiting(&scene, "neo_hookean");
         let law = LAWS.iter().find(|law| law.name == "neo_hookean").unwrap();
         let mut statics = Statics::new(&scene, "b", law, &Silent).unwrap();
         for poses in [bend(15.0), bend(35.0)] {
@@ -117,7 +114,7 @@ fn every_element_is_followed() {
 #[test]
 fn the_stiffness_that_is_felt_is_that_of_equilibria() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
-    let mut deformer = waiting("background-stiffness", &scene, "neo_hookean");
+    let mut deformer = waiting(&scene, "neo_hookean");
     let mut felt = deformer.another_model().unwrap();
     let poses = bend(30.0);
     deformer.evaluate(&poses).unwrap();
@@ -164,8 +161,8 @@ fn the_stiffness_that_is_felt_is_that_of_equilibria() {
 #[test]
 fn a_body_that_is_felt_is_found_with_the_same_bits() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
-    let mut alone = waiting("background-alone", &scene, "neo_hookean");
-    let mut of_loop = waiting("background-loop", &scene, "neo_hookean");
+    let mut alone = waiting(&scene, "neo_hookean");
+    let mut of_loop = waiting(&scene, "neo_hookean");
     of_loop.feel();
     let mut felt = of_loop.another_model().unwrap();
     for step in 1..=30 {
@@ -183,7 +180,7 @@ fn a_body_that_is_felt_is_found_with_the_same_bits() {
 #[test]
 fn a_whole_turn_of_a_hand_is_kept_forgotten_and_set_back() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
-    let mut deformer = waiting("background-turn", &scene, "corotational");
+    let mut deformer = waiting(&scene, "corotational");
     let mut felt = deformer.another_model().unwrap();
     let twist = |degrees: f64| turned(Vector3::x(), degrees, Vector3::zeros());
     for step in 1..=18 {
@@ -215,7 +212,7 @@ fn a_whole_turn_of_a_hand_is_kept_forgotten_and_set_back() {
 #[test]
 fn a_lost_equilibrium_is_told_and_found_again() {
     let scene = block_scene([4, 4, 4], "");
-    let mut deformer = waiting("background-lost", &scene, "stvk");
+    let mut deformer = waiting(&scene, "stvk");
     let press = |height: f64| turned(Vector3::x(), 0.0, Vector3::x() * (height - 1.0));
     deformer.evaluate(&press(0.9)).unwrap();
     assert_eq!(deformer.age(), Some(StateAge::Current));
@@ -235,7 +232,7 @@ fn a_lost_equilibrium_is_told_and_found_again() {
 #[test]
 fn a_hand_is_followed_without_waiting() {
     let scene = Scene::parse(BEAM, Path::new("background.toml")).unwrap();
-    let file = file_of("background-live", &scene);
+    let file = file_of(&scene);
     let mut deformer = Deformer::new(file, "b", find_model("neo_hookean").unwrap()).unwrap();
     let before = deformer.state.field_version;
     for step in 1..=40 {

@@ -1,6 +1,6 @@
 //! Deformation models against each other, against rigid motions and against static equilibrium at large rotations.
 
-use crate::common::{block_scene, case_poses, csv_rows, folder, scene, shared};
+use crate::common::{block_scene, case_poses, csv_rows, scene, shared};
 use greenstage::base::parts::PartWeights;
 use greenstage::deform::{
     Bearing, BodyState, ControlPose, ControlPoses, DeformationModel, Deformer, Frame, Kind, LINEAR,
@@ -14,12 +14,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The only body of the scene, precomputed through a file.
-fn green_file(name: &str, scene: &Scene) -> Arc<GreenFile> {
+fn green_file(scene: &Scene) -> Arc<GreenFile> {
     let body = scene.body.keys().next().unwrap();
-    let path = folder(name).join("body.green");
     let precomputed = green::precompute(scene, body, &Requirements::new(&[AFFINE]), &Silent).unwrap();
-    green::write(&path, &[precomputed]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
+    green::opened(&[precomputed]).unwrap()
 }
 
 /// A body of the file in the given poses; others rest.
@@ -93,7 +91,7 @@ impl DeformationModel for TwoParts {
 /// x_i = Σ w_ip (R_p (X_i + u_i) + t_p) in positions, in single displacements, and where only some nodes are summed.
 #[test]
 fn a_model_of_several_parts_moves_each_node_by_its_weights() {
-    let file = green_file("models-parts", &block_scene([4, 3, 3], ""));
+    let file = green_file(&block_scene([4, 3, 3], ""));
     let mut body = Deformer::new(file.clone(), "block", &TWO_PARTS).unwrap();
     let mut poses = vec![ControlPose::REST; body.controls.len()];
     assert_eq!(body.body_from_surface(), Isometry3::identity());
@@ -131,7 +129,7 @@ fn a_model_of_several_parts_moves_each_node_by_its_weights() {
 /// The linear theory takes the finite rotation's R - I for a strain ½(R + Rᵀ) - I, and the body swells.
 #[test]
 fn rigid_motion_of_all_control_elements_is_rigid_motion_of_the_body() {
-    let file = green_file("models-rigid", &block_scene([4, 4, 4], ""));
+    let file = green_file(&block_scene([4, 4, 4], ""));
     let shift = Vector3::new(0.3, -2.0, 0.7);
     for (turn, least_linear) in [([0.02, 0.0, -0.01], 1e-4), ([0.4, -1.1, 2.0], 0.5)] {
         let turn = Rotation3::from_scaled_axis(Vector3::from(turn));
@@ -208,7 +206,7 @@ control.right = { nodes = { group = "right" }, grab = "dragger" }
 /// the part that the held nodes turned by together. What it makes of large turns is bent further: there the wall swells.
 #[test]
 fn the_local_turn_is_that_of_the_part_that_linear_theory_computes() {
-    let file = green_file("models-turn", &tube());
+    let file = green_file(&tube());
     let degrees = |model: &str, poses: &[(&str, ControlPose)]| {
         let body = deformed(&file, model, poses);
         let [some, all] = [256, usize::MAX].map(|most| local_turn(&body, most).to_degrees());
@@ -253,7 +251,7 @@ fn the_local_turn_is_that_of_the_part_that_linear_theory_computes() {
 #[test]
 fn a_bent_tube_keeps_its_wall() {
     let tube = tube();
-    let file = green_file("models-wall", &tube);
+    let file = green_file(&tube);
     for (degrees, most, least_linear) in [(60.0_f64, 1.15, 1.5), (90.0, 1.30, 2.0)] {
         let walls = |model: &str| {
             let body = deformed(&file, model, &[("right", bent(0.9, degrees.to_radians()))]);
@@ -275,7 +273,7 @@ fn errors(case: &str) -> Option<BTreeMap<String, [f64; 2]>> {
     let path = case_folder.join("scene.toml");
     let text =
         std::fs::read_to_string(&path).unwrap().replace("\"stvk\"", "\"linear\"").replace("\"haptics\"", "");
-    let file = green_file(case, &Scene::parse(&text, &path).unwrap());
+    let file = green_file(&Scene::parse(&text, &path).unwrap());
     let exact: BTreeMap<String, Vec<f64>> =
         csv_rows(&case_folder.join("expected.csv"), 2).into_iter().collect();
     let of = |(pose, named): &(String, BTreeMap<String, ControlPose>)| {

@@ -51,11 +51,9 @@ fn round_trip_keeps_every_number_to_f32() {
 fn compact_columns_are_as_exact_as_their_file_says() {
     let within = "{ error = 1e-4 }";
     for (storage, bound) in [("\"f16\"", 2.5e-4), ("\"int16\"", 1.6e-5), (within, 1e-4)] {
-        let path = folder(&format!("green-{bound}")).join("block.green");
         let scene = block_scene([3, 2, 2], &format!("storage = {storage}"));
         let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
-        green::write(&path, std::slice::from_ref(&precomputed)).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let file = green::opened(std::slice::from_ref(&precomputed)).unwrap();
         let (meta, solution) = (&file.meta.bodies["block"], &precomputed.solution);
         let nodes = &solution.surface.nodes;
         let mut largest: f64 = 0.0;
@@ -264,12 +262,10 @@ fn a_change_of_any_file_of_the_mesh_makes_the_file_stale() {
         )
         .unwrap();
         let fingerprint = || green::fingerprint(&scene, "block", &Requirements::new(&[AFFINE])).unwrap();
-        let path = folder.join("block.green");
         for changed in ["m.node", "m.ele"] {
             let precomputed =
                 green::precompute(&scene, "block", &Requirements::new(&[AFFINE]), &Silent).unwrap();
-            green::write(&path, &[precomputed]).unwrap();
-            let file = GreenFile::open(&path).unwrap();
+            let file = green::opened(&[precomputed]).unwrap();
             file.check_fresh("block", &fingerprint()).unwrap();
             change(changed);
             let stale = file.check_belongs(&scene, "block", &Requirements::new(&[AFFINE])).unwrap_err();
@@ -312,10 +308,9 @@ fn flat_control_elements_may_lie_oblique() {
         let text = "[body.block]\nmesh = \"block.msh\"\nmaterial = { young = 1.0e3, poisson = 0.3 }\n\
                     control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                     control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
-        let path = folder.join("block.green");
         let scene = Scene::parse(text, &folder.join("block.toml")).unwrap();
-        green::write(&path, &[green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap()]).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let made = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
+        let file = green::opened(&[made]).unwrap();
         let vanishing: Vec<usize> =
             file.meta.bodies["block"].controls.iter().map(|control| control.vanishing.len()).collect();
         let mut body = Deformer::new(file, "block", &LINEAR).unwrap();
@@ -354,7 +349,6 @@ nodes = { sphere = { centre = [0.5, 0.5, 0.5], radius = 0.01 } }
 grab = "dragger"
 "#,
     );
-    let path = folder("green-vanishing").join("block.green");
     let precomputed = green::precompute(&scene, "block", &HAPTICS, &Silent).unwrap();
     assert!(
         precomputed
@@ -364,8 +358,7 @@ grab = "dragger"
             .any(|n| n.message.contains("planar") && n.message.contains("m11, m21, m31"))
     );
     assert!(precomputed.solution.notices.iter().any(|n| n.message.contains("a single point")));
-    green::write(&path, &[precomputed]).unwrap();
-    let file = GreenFile::open(&path).unwrap();
+    let file = green::opened(&[precomputed]).unwrap();
     let [face, point] = &file.meta.bodies["block"].controls[..] else { panic!("two control elements") };
     assert_eq!(
         (face.independent, face.vanishing.as_slice()),

@@ -1,7 +1,7 @@
 //! Bodies come home: whatever a tracker did, a second after the hands hold still a body has the shape that they reach from rest, or
 //! is marked.
 
-use crate::common::{folder, scene, side_by_side};
+use crate::common::{scene, side_by_side};
 use greenstage::deform::{
     AppliedLoads, ControlPose, ControlPoses, Deformer, Doubt, Kind, LINEAR, MODELS, ModelEntry, PointLoad,
     PoseLimiter, Pull, Screw, find_model,
@@ -19,8 +19,8 @@ const SECOND: usize = 60;
 /// Farthest from the shape from rest, in parts of the body's length.
 const HOME: f64 = 0.01;
 
-/// A bar 10 : 1; of a plate a strip. Tests run beside each other: each has a folder of its own.
-fn file_of(model: &ModelEntry, test: &str) -> Arc<GreenFile> {
+/// A bar 10 : 1; of a plate a strip.
+fn file_of(model: &ModelEntry) -> Arc<GreenFile> {
     let (size, cells, element) = match (model.name, model.kind) {
         ("plate", _) => ("[1.0, 0.02, 0.2]", "[12, 1, 4]", "tet10"),
         (_, Kind::Background(_)) => ("[1.0, 0.1, 0.1]", "[8, 1, 1]", "tet4"),
@@ -33,9 +33,7 @@ fn file_of(model: &ModelEntry, test: &str) -> Arc<GreenFile> {
          control.right = {{ nodes = {{ box = {{ min = [0.41, -9.0, -9.0], max = [9.0, 9.0, 9.0] }} }}, grab = \"dragger\" }}\n",
         model.name
     ));
-    let path = folder(&format!("{test}-{}", model.name)).join("b.green");
-    green::write(&path, &[green::precompute(&scene, "b", &model.with_energy(), &Silent).unwrap()]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
+    green::opened(&[green::precompute(&scene, "b", &model.with_energy(), &Silent).unwrap()]).unwrap()
 }
 
 fn body(file: &Arc<GreenFile>, model: &'static ModelEntry) -> Deformer {
@@ -200,7 +198,7 @@ fn distance(one: &[Vector3<f64>], other: &[Vector3<f64>]) -> f64 {
 
 /// Plays hostile trackers for about so many frames; returns how often the body was home afterwards, and how often it was marked.
 fn play(model: &'static ModelEntry, frames: usize, longest: usize, seed: u64) -> [usize; 2] {
-    let file = file_of(model, "home");
+    let file = file_of(model);
     let mut random = Random(seed);
     let [mut body, mut gentle] = [(); 2].map(|()| Tracked::new(self::body(&file, model)));
     let [mut home, mut marked] = [0; 2];
@@ -266,7 +264,7 @@ fn bodies_come_home_from_hostile_trackers() {
 #[test]
 fn a_strain_beyond_a_models_law_is_told() {
     side_by_side(MODELS, |model| {
-        let mut body = body(&file_of(model, "strained"), model);
+        let mut body = body(&file_of(model), model);
         let bears = model.large_strain_law().name == NEO_HOOKEAN.name;
         for (pull, is_told) in [(0.01, false), (0.2, !bears)] {
             body.evaluate(&[ControlPose::REST, turned(Vector3::zeros(), Vector3::x() * pull)]);
@@ -281,7 +279,7 @@ fn a_strain_beyond_a_models_law_is_told() {
 #[test]
 fn a_body_says_that_it_has_several_equilibria() {
     let model = find_model("plate").unwrap();
-    let file = file_of(model, "several-equilibria");
+    let file = file_of(model);
     let [mut body, mut gentle] = [(); 2].map(|()| Tracked::new(self::body(&file, model)));
     let poses = [
         turned(Vector3::new(-0.0657, 0.7311, 0.4601), Vector3::new(0.1461, -0.2490, 0.2936)),

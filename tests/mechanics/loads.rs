@@ -4,13 +4,12 @@ use greenstage::deform::{AppliedLoads, Bearing, ControlPose, Deformer, PointLoad
 use greenstage::effect;
 use greenstage::fem::{NodeFields, Partition};
 use greenstage::green::{
-    self, COMPLIANCE, GreenFile, KEPT_FACTOR, LOAD_FIELDS, LOADS, Requirements, STIFFNESS, Solution,
+    self, COMPLIANCE, KEPT_FACTOR, LOAD_FIELDS, LOADS, Requirements, STIFFNESS, Solution,
 };
 use greenstage::scene::{KeptForm, Scene};
 use greenstage::solve::{Silent, Solver};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use std::path::Path;
-use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
@@ -50,10 +49,7 @@ pub fn deformer(scene: &Scene, model: &str) -> Deformer {
         required = required.and(Requirements::new(&[family]));
     }
     let made = green::precompute(scene, name, &required, &Silent).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("loads.green");
-    green::write(&path, &[made]).unwrap();
-    Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, entry).unwrap()
+    Deformer::new(green::opened(&[made]).unwrap(), name, entry).unwrap()
 }
 
 pub fn applied(coefficients: &[f64], points: Vec<PointLoad>) -> AppliedLoads {

@@ -1,6 +1,6 @@
 //! A deformer that is restored from a snapshot goes on with the same bits, whatever its scratch memory held before.
 
-use crate::common::{folder, scene, side_by_side};
+use crate::common::{scene, side_by_side};
 use greenstage::deform::{
     AppliedLoads, Bearing, ControlPose, ControlPoses, Deformer, DeformerState, Kind, MODELS, ModelEntry,
     PointLoad, Pull,
@@ -20,8 +20,8 @@ fn is_solved(model: &ModelEntry) -> bool {
     model.takes_points()
 }
 
-/// A file in a folder of this test's own; of a body that is solved anew for every pose, on few nodes.
-fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
+/// A file of a bar; of a body that is solved anew for every pose, on few nodes.
+fn file_of(model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
     let (size, cells) = match (model.name, model.kind) {
         ("plate", _) => ("[0.6, 0.2, 0.02]", "[9, 3, 1]"),
         (_, Kind::Background(_)) => ("[1.0, 0.1, 0.1]", "[5, 1, 1]"),
@@ -48,9 +48,7 @@ fn file_of(test: &str, model: &ModelEntry, with_loads: bool) -> Arc<GreenFile> {
         Bearing::Forces(families) if with_loads => needed.and(Requirements::new(families)),
         _ => needed,
     };
-    let path = folder(&format!("memory-{test}-{}", model.name)).join("b.green");
-    green::write(&path, &[green::precompute(&scene, "b", &needed, &Silent).unwrap()]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
+    green::opened(&[green::precompute(&scene, "b", &needed, &Silent).unwrap()]).unwrap()
 }
 
 fn patient(file: &Arc<GreenFile>, model: &'static ModelEntry) -> Deformer {
@@ -96,7 +94,7 @@ fn told(deformer: &Deformer) -> (String, Vec<u32>) {
 }
 
 fn goes_on(model: &'static ModelEntry, with_loads: bool, wildness: f64) {
-    let file = file_of(if with_loads { "loads" } else { "models" }, model, with_loads);
+    let file = file_of(model, with_loads);
     let node = file.rest("b").len() as u32 / 2;
     let step = |deformer: &mut Deformer, frame: usize| {
         if with_loads {
@@ -150,8 +148,7 @@ fn loads_go_on_from_a_snapshot_with_the_same_bits() {
 fn a_snapshot_of_another_body_is_refused() {
     let rod = MODELS.iter().find(|model| model.name == "rod").unwrap();
     let rotation = MODELS.iter().find(|model| model.name == "rotation").unwrap();
-    let (mut one, other) =
-        (patient(&file_of("other", rod, false), rod), patient(&file_of("other", rotation, false), rotation));
+    let (mut one, other) = (patient(&file_of(rod, false), rod), patient(&file_of(rotation, false), rotation));
     let before = told(&one);
     assert!(one.restore(&other.snapshot()).is_err());
     let mut short = one.snapshot();

@@ -3,8 +3,8 @@
 use greenstage::base::columns::Storage;
 use greenstage::green::update::{Change, ChangedSystem, Updated, Updates};
 use greenstage::green::{
-    self, COMPLIANCE, Changes, FIELDS, Family, GreenFile, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS,
-    Precomputed, REACTION, Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
+    self, COMPLIANCE, Changes, FIELDS, Family, KEPT_FACTOR, LOAD_COMPLIANCE, LOAD_FIELDS, LOADS, Precomputed,
+    REACTION, Requirements, STIFFNESS, Solution, TORQUES, UPDATES,
 };
 use greenstage::mesh::{Block, LoadedMesh, block};
 use greenstage::scene::Scene;
@@ -115,21 +115,9 @@ fn apart(before: &Solution, after: &Updated, fresh: &Solution) -> [f64; 4] {
 
 /// The columns of a force at a node of the surface, of a solution that is written and read again.
 fn yields(solution: Solution, node: u32) -> Option<Vec<[[f32; 3]; 3]>> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.green");
     let requirements = Requirements::new(&[STIFFNESS, COMPLIANCE]);
-    let (name, fingerprint) = ("a".to_owned(), String::new());
-    let body = Precomputed {
-        name,
-        storage: Storage::F32,
-        fingerprint,
-        requirements,
-        plan: None,
-        solution,
-        sections: Default::default(),
-    };
-    green::write(&path, &[body]).unwrap();
-    let file = GreenFile::open(&path).unwrap();
+    let body = Precomputed::from_solution("a", Storage::F32, requirements, solution);
+    let file = green::opened(&[body]).unwrap();
     let compliance = file.compliance("a")?;
     compliance.column(*compliance.places().get(&node)?).ok()
 }
@@ -233,19 +221,8 @@ fn columns_from_a_kept_factor_are_changed_as_the_inverse_is() {
         let mut scene = Scene::parse(&text, Path::new("any.toml")).unwrap();
         let requirements = Requirements::new(&[STIFFNESS, UPDATES, LOADS, family]);
         let solution = solved(&scene, &requirements);
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.green");
-        let body = Precomputed {
-            name: "a".to_owned(),
-            storage: Storage::F32,
-            fingerprint: String::new(),
-            requirements,
-            plan: None,
-            solution,
-            sections: Default::default(),
-        };
-        green::write(&path, &[body]).unwrap();
-        let base = Arc::new(GreenFile::open(&path).unwrap());
+        let body = Precomputed::from_solution("a", Storage::F32, requirements, solution);
+        let base = green::opened(&[body]).unwrap();
         assert!(scene.body["a"].release("right") && scene.body["a"].release("bottom"));
         let changes = Changes { sections: &|_, _| Vec::new(), fits: &|_| None };
         let (file, notices) = green::derive(base, &scene, &changes, &|_| Box::new(Silent)).unwrap();

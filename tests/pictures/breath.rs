@@ -1,10 +1,9 @@
 //! An effect that stands in no list of the program, made of public parts alone: a body that breathes, and a spring at what is
 //! held. It has a setting, columns, a memory, a step in each frame, and forces.
 
-use crate::common::folder;
 use crate::render_common::require_gpu;
 use greenstage::deform::{Contribution, ControlPose, Deformer, PoseCurvature};
-use greenstage::effect::{EffectEntry, EffectInput, Resolved, add_sections, attach, settings};
+use greenstage::effect::{self, EffectEntry, EffectInput, Resolved, add_sections, settings};
 use greenstage::green::{self, GreenFile, columns_of_effect};
 use greenstage::render::BodyBuffers;
 use greenstage::scene::Scene;
@@ -118,21 +117,16 @@ fn scene(effects: &str) -> Resolved {
 
 const LISTED: &str = "effects = [\"breath\"]\neffect.breath.stiffness = 300.0";
 
-fn file(name: &str, scene: &Resolved) -> Arc<GreenFile> {
+fn file(scene: &Resolved) -> Arc<GreenFile> {
     let energy = scene.bodies["b"].model.energy.unwrap_or_default();
     let required = scene.requirements("b").unwrap().and(green::Requirements::new(energy));
     let mut solved = green::precompute(scene, "b", &required, &Silent).unwrap();
     add_sections(scene, &mut solved, &Silent).unwrap();
-    let path = folder(name).join("b.green");
-    green::write(&path, &[solved]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
+    green::opened(&[solved]).unwrap()
 }
 
 fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
-    let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-    let effects = attach(&[BREATH], scene, file, &mut world).unwrap();
-    world.join(effects).unwrap();
-    world
+    effect::world(&[BREATH], scene, file, Stage::find("desktop").unwrap()).unwrap()
 }
 
 fn pose(frame: usize) -> ControlPose {
@@ -152,8 +146,7 @@ fn step(world: &mut World, frame: usize) {
 #[test]
 fn an_effect_of_ones_own_changes_shape_energy_and_force_in_the_frame_that_asks() {
     let (with, without) = (scene(LISTED), scene(""));
-    let (mut breathing, mut still) =
-        (world(&with, &file("breath-with", &with)), world(&without, &file("breath-without", &without)));
+    let (mut breathing, mut still) = (world(&with, &file(&with)), world(&without, &file(&without)));
     assert!(still.fields.contributions.is_none(), "what is not listed has no field");
     for frame in 0..40 {
         step(&mut breathing, frame);
@@ -184,7 +177,7 @@ fn an_effect_of_ones_own_changes_shape_energy_and_force_in_the_frame_that_asks()
 #[test]
 fn an_effect_of_ones_own_goes_on_from_a_state_bit_by_bit() {
     let scene = scene(LISTED);
-    let file = file("breath-state", &scene);
+    let file = file(&scene);
     let mut first = world(&scene, &file);
     (0..30).for_each(|frame| step(&mut first, frame));
     let text = serde_json::to_string(&first.state().unwrap()).unwrap();
@@ -202,7 +195,7 @@ fn an_effect_of_ones_own_goes_on_from_a_state_bit_by_bit() {
 fn an_effect_of_ones_own_shapes_what_the_graphics_device_deforms() {
     let Some(gpu) = require_gpu() else { return };
     let scene = scene(LISTED);
-    let mut world = world(&scene, &file("breath-device", &scene));
+    let mut world = world(&scene, &file(&scene));
     let deformer = &world.bodies[0].deformer;
     let colors = vec![[0; 4]; deformer.node_count()];
     let (triangles, rest) = (deformer.triangles(), deformer.rest());

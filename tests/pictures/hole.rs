@@ -1,6 +1,5 @@
 //! An effect that gives a body other triangles in the middle of a session, as a cut does: what is drawn, picked and stored follows.
 
-use crate::common::folder;
 use crate::render_common::{off_axis, require_gpu};
 use greenstage::base::failure::Failure;
 use greenstage::deform::{Contribution, Topology};
@@ -8,11 +7,9 @@ use greenstage::display::bodies::GpuBodies;
 use greenstage::display::device::{Args, DeformOn};
 use greenstage::display::presenter::Images;
 use greenstage::display::view_source::{ViewSource, show};
-use greenstage::effect::{EffectEntry, EffectInput, Resolved, attach};
-use greenstage::green::{self, GreenFile};
+use greenstage::effect::{self, EffectEntry, EffectInput, Resolved};
 use greenstage::render::{Samples, Show, Tile, Viewport};
 use greenstage::scene::Scene;
-use greenstage::solve::Silent;
 use greenstage::stage::{Stage, rotation_towards};
 use greenstage::track::{StylusState, TrackerState};
 use greenstage::world::inertia::Inertia;
@@ -66,16 +63,10 @@ fn scene() -> Resolved {
     Resolved::among(Scene::parse(text, Path::new("hole.toml")).unwrap(), &[HOLE]).unwrap()
 }
 
-fn world(name: &str) -> World {
+fn world() -> World {
     let scene = scene();
-    let solved = green::precompute(&scene, "b", &scene.requirements("b").unwrap(), &Silent).unwrap();
-    let path = folder(name).join("b.green");
-    green::write(&path, &[solved]).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
-    let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
-    let effects = attach(&[HOLE], &scene, &file, &mut world).unwrap();
-    world.join(effects).unwrap();
-    world
+    let file = effect::file_of(&scene).unwrap();
+    effect::world(&[HOLE], &scene, &file, Stage::find("desktop").unwrap()).unwrap()
 }
 
 /// A frame with a ray from above onto the middle of the body.
@@ -99,7 +90,7 @@ fn depth(world: &World) -> f64 {
 
 #[test]
 fn a_ray_goes_through_the_hole_and_a_state_keeps_it() {
-    let mut first = world("hole-first");
+    let mut first = world();
     step(&mut first, 0.0);
     assert!(depth(&first).abs() < 1e-6, "it meets the upper side");
     step(&mut first, 1.0);
@@ -108,7 +99,7 @@ fn a_ray_goes_through_the_hole_and_a_state_keeps_it() {
     assert!(normals.as_flattened().iter().all(|x| x.is_finite()));
 
     let text = serde_json::to_string(&first.state().unwrap()).unwrap();
-    let mut second = world("hole-second");
+    let mut second = world();
     second.set_state(&serde_json::from_str::<State>(&text).unwrap()).unwrap();
     assert_eq!(second.bodies[0].deformer.triangles(), first.bodies[0].deformer.triangles());
     assert_eq!(serde_json::to_string(&second.state().unwrap()).unwrap(), text);
@@ -144,7 +135,7 @@ fn the_hole_is_seen_where_the_processor_and_where_the_device_deforms() {
     }
     let mut pictures = Vec::new();
     for deform in [DeformOn::Cpu, DeformOn::Gpu] {
-        let mut world = world(&format!("hole-{deform:?}"));
+        let mut world = world();
         let mut images = Images::new(Samples::Exactly(1)).unwrap();
         images.add([64, 64], [0; 2]).unwrap();
         let asked = Args { deform, ..Args::default() };

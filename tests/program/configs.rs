@@ -1,11 +1,8 @@
 //! Every file in configs/ does what its comment says: each is loaded here and a number of it is asserted.
 
-use crate::common;
-
-use common::folder;
 use greenstage::deform::{ControlPose, Deformer, ROTATION};
 use greenstage::effect::{self, Resolved, stress::StressedBody};
-use greenstage::green::{self, AFFINE, GreenFile, Keeping, LOAD_FIELDS, LOADS, Requirements};
+use greenstage::green::{self, AFFINE, LOAD_FIELDS, LOADS, Requirements};
 use greenstage::interact::{
     Element, Hands, PickRay, PickShape, PickTarget, control_pose_in_body, pick, room_from_element,
 };
@@ -17,7 +14,6 @@ use greenstage::track::Script;
 use nalgebra::{Point3, Rotation3, Vector3};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 fn config(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name)
@@ -125,9 +121,7 @@ fn ghosts() {
     assert_eq!(body.effects, ["haptics", "ghost_rest", "ghost_equilibrium", "force_curve"]);
     let precomputed = green::precompute(&scene, "beam", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     assert_eq!(precomputed.solution.mesh.nodes.len(), 41 * 6 * 6);
-    let path = folder("configs-ghosts").join("beam.green");
-    green::write(&path, &[precomputed]).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let file = green::opened(&[precomputed]).unwrap();
     let mut beam = Deformer::new(file, "beam", scene.bodies["beam"].model).unwrap();
     let stage = Stage::find(&scene.stage).unwrap();
     let script = Script::load(&scene.resolve(scene.script.as_deref().unwrap())).unwrap();
@@ -142,11 +136,7 @@ fn ghosts() {
 #[test]
 fn the_strip_is_precomputed_with_its_modes() {
     let scene = Resolved::load(&config("scenes/pluck.toml")).unwrap();
-    let required = scene.requirements("strip").unwrap();
-    let made = effect::precompute(&scene, "strip", &required, Keeping::default(), &Silent).unwrap();
-    let path = folder("configs-pluck").join("strip.green");
-    green::write(&path, &[made]).unwrap();
-    let file = GreenFile::open(&path).unwrap();
+    let file = effect::file_of(&scene).unwrap();
     effect::check_sections(&scene, &file, "strip").unwrap();
     let (_, squares) = file.section::<f64>("strip", "dynamics", "squares").unwrap();
     assert_eq!(squares.len(), 8);
@@ -163,13 +153,10 @@ fn an_end_is_turned_by_a_whole_turn() {
     let scene = Resolved::load(&config("scenes/models.toml")).unwrap();
     let models: Vec<&str> = scene.models().iter().map(|model| model.name).collect();
     assert_eq!(models, ["linear", "rotation", "reduced", "substructured", "rod"]);
-    let place = folder("configs-models");
     for (name, body) in scene.bodies.iter().filter(|(name, _)| *name != "rotation") {
         let model = body.model;
         let made = green::precompute(&scene, name, &Requirements::new(model.requirements), &Silent).unwrap();
-        let path = place.join(format!("{name}.green"));
-        green::write(&path, &[made]).unwrap();
-        let mut rod = Deformer::new(Arc::new(GreenFile::open(&path).unwrap()), name, model).unwrap();
+        let mut rod = Deformer::new(green::opened(&[made]).unwrap(), name, model).unwrap();
         let steps = if name == "reduced" { 44 } else { 48 };
         for step in 1..=steps {
             let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), TAU * f64::from(step) / 48.0);
@@ -217,13 +204,11 @@ fn the_bear_is_round_and_whole() {
 fn the_steel_bar_yields_where_beam_theory_says() {
     let scene = Resolved::load(&config("scenes/steel-bar.toml")).unwrap();
     let scene = scene.with_effects("bar", |effect| effect.shows_stress);
-    let file = folder("configs-bar").join("bar.green");
     let mut made =
         green::precompute(&scene, "bar", &Requirements::new(&[AFFINE]).with_section("stress"), &Silent)
             .unwrap();
     effect::add_sections(&scene, &mut made, &Silent).unwrap();
-    green::write(&file, &[made]).unwrap();
-    let file = Arc::new(GreenFile::open(&file).unwrap());
+    let file = green::opened(&[made]).unwrap();
     let stressed = StressedBody::of_file(&scene, &file, "bar").unwrap();
     let mut bar = Deformer::new(file, "bar", &ROTATION).unwrap();
     let (length, thickness, young, moved) = (0.2, 0.006, 2.1e11, 1e-3);
@@ -306,9 +291,7 @@ fn scenes() {
     let precomputed = green::precompute(&scene, "tube", &Requirements::new(&[AFFINE]), &Silent).unwrap();
     let mesh = &precomputed.solution.mesh;
     assert_eq!((mesh.nodes.len(), mesh.tets.len()), (10_080, 37_200));
-    let path = folder("configs-tube").join("tube.green");
-    green::write(&path, &[precomputed]).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let file = green::opened(&[precomputed]).unwrap();
     let mut tube = Deformer::new(file, "tube", body.model).unwrap();
 
     let stage = Stage::find(&scene.stage).unwrap();

@@ -2,8 +2,7 @@
 
 use super::*;
 use crate::deform::ControlPose;
-use crate::green::{self, GreenFile};
-use crate::prepare;
+use crate::effect;
 use crate::prepare::Resolved;
 use crate::track::device::Link;
 use crate::track::vrpn::{Address, Client, Timing, Transport};
@@ -11,7 +10,6 @@ use crate::track::{FakeSource, Signal, StylusState};
 use crate::world::World;
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::path::Path;
-use std::sync::Arc;
 
 /// The stylus of a lab: a wand whose sensor sits 10 cm behind its tip, in a tracker whose frame is not the room's.
 const TRACKING: &str = r#"
@@ -33,10 +31,7 @@ fn demo(stage: Stage) -> World {
     let text = include_str!("../../../configs/scenes/tube.toml");
     assert!(text.contains(fine));
     let scene = Resolved::parse(&text.replace(fine, coarse), Path::new("tube.toml")).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("tube.green");
-    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let file = effect::file_of(&scene).unwrap();
     World::new(&scene, &scene.models(), &file, stage).unwrap()
 }
 

@@ -50,7 +50,7 @@ fn auto_measures_chooses_by_what_it_measured_and_leaves_the_body_at_rest() {
         }
         Err(error) => panic!("{error}"),
     };
-    let mut world = world("measured");
+    let mut world = world();
     let fixed = |gpu: &Gpu, world: &mut crate::world::World, deform| {
         let asked = Args { deform, ..Args::default() };
         GpuBodies::new(gpu, world, asked).unwrap().choices

@@ -301,7 +301,7 @@ fn errors_are_told_as_they_were_measured_and_nowhere_else() {
     use crate::deform::{
         ErrorsAt, ExpectedErrors, FinerErrors, MeshErrors, MotionErrors, MovedErrors, TurnErrors,
     };
-    let mut world = crate::world::tests::world("overlay-errors");
+    let mut world = crate::world::tests::world();
     let body = &mut world.bodies[0];
     let mut told = |expected: Option<ExpectedErrors>, degrees: f64| {
         let shown = BodyFrame { expected: expected.map(Arc::new), ..world.frame.bodies[0].clone() };
@@ -376,7 +376,7 @@ fn a_doubtful_force_is_told_within_the_column() {
 #[test]
 fn a_force_without_a_measured_error_is_a_number_and_says_what_to_list() {
     use crate::effect::ghost_equilibrium::tests::bar;
-    let (scene, file, mut world) = bar("overlay-unmeasured", "linear", &["haptics"]);
+    let (scene, file, mut world) = bar("linear", &["haptics"]);
     let effects = crate::effect::attach(crate::effect::EFFECTS, &scene, &file, &mut world).unwrap();
     world.join(effects).unwrap();
     let pull = ControlPose { translation: Vector3::new(0.01, 0.0, 0.0), ..ControlPose::REST };
@@ -393,7 +393,7 @@ fn a_force_without_a_measured_error_is_a_number_and_says_what_to_list() {
 
 #[test]
 fn a_measured_range_goes_before_the_models_table() {
-    let mut world = crate::world::tests::world("overlay-range");
+    let mut world = crate::world::tests::world();
     let body = &mut world.bodies[0];
     let aside = ControlPose { translation: Vector3::new(0.0, 0.5, 0.0), ..ControlPose::REST };
     body.deformer.evaluate(&[ControlPose::REST, aside]);
@@ -413,7 +413,7 @@ fn gauge(body: &crate::world::PlacedBody) -> String {
 #[test]
 fn whole_turns_are_counted_and_not_called_good() {
     for range in [None, Some(0.7)] {
-        let mut world = crate::world::tests::world("overlay-turns");
+        let mut world = crate::world::tests::world();
         let body = &mut world.bodies[0];
         body.assets = Arc::new(BodyAssets { range, ..(*body.assets).clone() });
         for degrees in (0..=720).step_by(10) {

@@ -1,9 +1,9 @@
 //! Hundreds of contacts with friction, in bodies of 10,000 nodes: whether their forces are found.
 
 use super::motion::Motion;
-use super::tests::{file, world};
+use super::tests::world;
 use crate::deform::ControlPose;
-use crate::effect::Resolved;
+use crate::effect::{Resolved, file_of};
 use crate::track::TrackerState;
 use crate::world::World;
 use crate::world::running::read;
@@ -34,7 +34,7 @@ fn slab(name: &str, y: f64, size: [f64; 3], cells: [usize; 3], held: &str) -> St
 impl Crowd {
     fn of(text: &str) -> Crowd {
         let scene = Resolved::parse(text, Path::new("crowd.toml")).unwrap();
-        let world = world(&scene, &file(&scene));
+        let world = world(&scene, &file_of(&scene).unwrap());
         Crowd { world, frame: 0, contacts: Vec::new(), warnings: Vec::new() }
     }
 

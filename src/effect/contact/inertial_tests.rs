@@ -1,9 +1,8 @@
 //! Bodies that move by their inertia and touch tools and one another.
 
 use super::motion::Motion;
-use super::tests::file;
 use super::touch::Contact;
-use crate::effect::{EFFECTS, Resolved, attach};
+use crate::effect::{self, EFFECTS, Resolved, file_of};
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
 use crate::world::running::read;
@@ -48,11 +47,9 @@ struct Scene {
 impl Scene {
     fn of(text: &str, dt_s: f64) -> Scene {
         let scene = Resolved::parse(text, Path::new("inertia.toml")).unwrap();
-        let file = file(&scene);
+        let file = file_of(&scene).unwrap();
         let stage = Stage::find("desktop").unwrap();
-        let mut world = World::new(&scene, &scene.models(), &file, stage).unwrap();
-        let effects = attach(EFFECTS, &scene, &file, &mut world).unwrap();
-        world.join(effects).unwrap();
+        let world = effect::world(EFFECTS, &scene, &file, stage).unwrap();
         Scene { world, dt_s, frame: 0 }
     }
 

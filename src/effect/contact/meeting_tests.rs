@@ -1,10 +1,10 @@
 //! Bodies that press, rub and strike each other and themselves.
 
 use super::motion::Motion;
-use super::tests::{YOUNG, file, graded, layer, medit, world};
+use super::tests::{YOUNG, graded, layer, medit, world};
 use super::touch::Contact;
 use crate::deform::ControlPose;
-use crate::effect::Resolved;
+use crate::effect::{Resolved, file_of};
 use crate::mesh::{self, Block};
 use crate::track::{StylusState, TrackerState};
 use crate::world::running::read;
@@ -25,7 +25,7 @@ pub struct Two {
 impl Two {
     pub fn of(text: &str, path: &Path) -> Two {
         let scene = Resolved::parse(text, path).unwrap();
-        Two { world: world(&scene, &file(&scene)), frame: 0, warnings: Vec::new() }
+        Two { world: world(&scene, &file_of(&scene).unwrap()), frame: 0, warnings: Vec::new() }
     }
 
     /// Moves the hand of a body, by its number.
@@ -343,7 +343,7 @@ fn a_state_in_the_middle_of_a_rub_goes_on_bit_by_bit() {
     let low = block("low", [0.0, -0.05, 0.0], [0.3, 0.1, 0.3], [5, 2, 5], "ymin", keys);
     let high = block("high", [0.0, 0.0505, 0.0], [0.2, 0.1, 0.2], [4, 2, 4], "ymax", keys);
     let scene = Resolved::parse(&(low + &high), Path::new("two.toml")).unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let [mut first, mut second] =
         [(); 2].map(|()| Two { world: world(&scene, &file), frame: 0, warnings: Vec::new() });
     let rub = |two: &mut Two, frame: i32| {

@@ -3,10 +3,9 @@
 use super::ENTRY;
 use super::motion::Motion;
 use crate::deform::{ControlPose, Deformer};
-use crate::effect::{Resolved, attach, precompute};
-use crate::green::{self, GreenFile, Keeping};
+use crate::effect::{self, Resolved, file_of};
+use crate::green::GreenFile;
 use crate::mesh::{Block, TetMesh, block};
-use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
 use crate::world::running::read;
@@ -54,28 +53,13 @@ impl Setting<'_> {
 
     fn touched(&self) -> Touched {
         let scene = self.scene();
-        let file = file(&scene);
+        let file = file_of(&scene).unwrap();
         Touched { world: world(&scene, &file), frame: 0 }
     }
 }
 
-pub fn file(scene: &Resolved) -> Arc<GreenFile> {
-    let made = |name: &String| {
-        let required = scene.requirements(name).unwrap();
-        precompute(scene, name, &required, Keeping::default(), &Silent).unwrap()
-    };
-    let made: Vec<_> = scene.bodies.keys().map(made).collect();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("b.green");
-    green::write(&path, &made).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
-}
-
 pub fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
-    let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-    let effects = attach(&[ENTRY], scene, file, &mut world).unwrap();
-    world.join(effects).unwrap();
-    world
+    effect::world(&[ENTRY], scene, file, Stage::find("desktop").unwrap()).unwrap()
 }
 
 pub fn at(place: V3) -> Isometry3<f64> {
@@ -216,7 +200,7 @@ pub fn on_layer(shape: &str, nu: f64, folder: &Path) -> Touched {
          control.base = {{ nodes = {{ {bottom} }}, grab = \"fixed\" }}\n"
     );
     let scene = Resolved::parse(&text, &folder.join("layer.toml")).unwrap();
-    Touched { world: world(&scene, &file(&scene)), frame: 0 }
+    Touched { world: world(&scene, &file_of(&scene).unwrap()), frame: 0 }
 }
 
 /// Hertz: a ball presses a block that is ten times as deep as the contact is wide; the theory of a bonded layer of that depth corrects
@@ -428,7 +412,7 @@ fn a_state_in_the_middle_of_a_contact_goes_on_bit_by_bit() {
             keys,
         };
         let scene = setting.scene();
-        let file = file(&scene);
+        let file = file_of(&scene).unwrap();
         let [mut first, mut second] = [(); 2].map(|()| Touched { world: world(&scene, &file), frame: 0 });
         let place = |step: i32| {
             let turn = UnitQuaternion::from_scaled_axis(V3::new(-1.2, 0.0, 0.1 * f64::from(step)));

@@ -1,9 +1,9 @@
 //! Blades in a world: whole cuts, slits, the force of cutting, and cuts that go on from a state.
 
 use super::blade::Sweep;
-use super::operated::{BOTH, Operated, file, parsed, scene, text};
+use super::operated::{BOTH, Operated, parsed, scene, text};
 use crate::deform::ControlPose;
-use crate::effect::Resolved;
+use crate::effect::{Resolved, file_of};
 use crate::interact::Action;
 use crate::render::Drawable;
 use nalgebra::Vector3;
@@ -101,7 +101,7 @@ fn a_second_pass_cuts_nothing_more() {
 #[test]
 fn a_cut_goes_on_from_a_state() {
     let scene = scene(BOTH, "model = \"rotation\"").unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     let (above, below) = (V3::new(0.011, 0.08, -0.1), V3::new(0.011, 0.01, -0.1));
     let way = |k: usize| above.lerp(&below, k as f64 / 12.0);
@@ -132,7 +132,7 @@ fn a_cut_goes_on_from_a_state() {
 #[test]
 fn strokes_are_undone_and_done_again() {
     let scene = scene(BOTH, "model = \"rotation\"").unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     let (low, away) = (V3::new(0.0, 0.01, -0.1), V3::new(0.3, 0.2, -0.1));
     let mut counts = vec![first.nodes()];
@@ -260,7 +260,7 @@ fn bodies_that_cannot_be_cut_are_refused() {
 fn cutting_takes_toughness_times_area() {
     let text = text(BOTH, "effect.cut = { toughness = 100.0 }", "").replace("[9, 4, 3]", "[17, 8, 6]");
     let scene = parsed(&text).unwrap();
-    let mut operated = Operated::new(&scene, &file(&scene));
+    let mut operated = Operated::new(&scene, &file_of(&scene).unwrap());
     let resistance = |operated: &Operated| -> [f64; 3] {
         let memory = operated.world.effects[0].memory().unwrap();
         let memory: serde_json::Value = serde_json::from_str(memory.get()).unwrap();
@@ -311,7 +311,7 @@ fn a_ball_presses_the_lip_of_a_growing_cut() {
     let keys = "effects = [\"cut\", \"contact\"]\neffect.contact = { friction = 0.2 }\n";
     let ball = "[tool.probe]\nshape = { ball = { radius = 0.02 } }\nstylus = 2\n";
     let scene = parsed(&text(BOTH, keys, ball)).unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     // A slit from above to the middle, then the ball beside it.
     let (above, middle, low) =

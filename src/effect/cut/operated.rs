@@ -2,12 +2,11 @@
 
 use super::frames::LEAST_FRAMES;
 use crate::deform::ControlPose;
-use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile, Keeping};
+use crate::effect::{self, EFFECTS, Resolved, file_of};
+use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::Drawable;
 use crate::scene::Color;
-use crate::solve::Silent;
 use crate::stage::Stage;
 use crate::track::{StylusState, TrackerState};
 use crate::world::{Highlight, Input, World};
@@ -47,15 +46,6 @@ pub const BOTH: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"
                     control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 pub const ONE: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
 
-pub fn file(scene: &Resolved) -> Arc<GreenFile> {
-    let required = scene.requirements("b").unwrap();
-    let made = precompute(scene, "b", &required, Keeping::default(), &Silent).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("b.green");
-    green::write(&path, &[made]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
-}
-
 /// A stylus whose tip is at this place; it points along -z.
 pub fn stylus(tip: &V3) -> StylusState {
     StylusState {
@@ -66,15 +56,13 @@ pub fn stylus(tip: &V3) -> StylusState {
 
 impl Operated {
     pub fn new(scene: &Resolved, file: &Arc<GreenFile>) -> Operated {
-        let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-        let effects = attach(EFFECTS, scene, file, &mut world).unwrap();
-        world.join(effects).unwrap();
+        let world = effect::world(EFFECTS, scene, file, Stage::find("desktop").unwrap()).unwrap();
         Operated { world, frame: 0 }
     }
 
     pub fn of(controls: &str, keys: &str) -> Operated {
         let scene = scene(controls, keys).unwrap();
-        Operated::new(&scene, &file(&scene))
+        Operated::new(&scene, &file_of(&scene).unwrap())
     }
 
     /// Moves the tip to this place.

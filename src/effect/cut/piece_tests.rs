@@ -1,6 +1,7 @@
 //! Pieces in a world: they fall off, land, and are carried; what is left weighs less.
 
-use super::operated::{BOTH, ONE, Operated, file, parsed, stylus, text};
+use super::operated::{BOTH, ONE, Operated, parsed, stylus, text};
+use crate::effect::file_of;
 use crate::interact::Action;
 use crate::track::StylusState;
 use nalgebra::Vector3;
@@ -12,7 +13,7 @@ type V3 = Vector3<f64>;
 #[test]
 fn what_nothing_holds_falls_off() {
     let scene = parsed(&text(ONE, "gravity = true", "").replace("1.0e5", "1.0e12")).unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     let weight = |operated: &Operated| operated.world.bodies[0].deformer.wrenches().unwrap().0[0].force.y;
     let at = f64::from(0.011_f32);
@@ -60,7 +61,7 @@ fn what_falls_off_lands_on_the_floor() {
     let contact = "effects = [\"cut\", \"contact\"]\n";
     for (keys, height) in [(contact.to_owned(), 0.0), (format!("{contact}gravity = true\n"), -0.05)] {
         let scene = parsed(&text(ONE, &keys, floor).replace("1.0e5", "1.0e12")).unwrap();
-        let mut operated = Operated::new(&scene, &file(&scene));
+        let mut operated = Operated::new(&scene, &file_of(&scene).unwrap());
         operated.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
         (0..120).for_each(|_| operated.put(V3::new(0.3, 0.2, -0.1)));
         let pieces = operated.pieces();
@@ -82,7 +83,7 @@ fn a_hand_carries_a_piece_and_throws_it() {
     let tools = "[tool.floor]\nshape = \"floor\"\nposition = [0.0, -0.1, 0.0]\n";
     let keys = "effects = [\"cut\", \"contact\"]\ngravity = true\n";
     let scene = parsed(&text(ONE, keys, tools).replace("1.0e5", "1.0e12")).unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     first.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
     let away = stylus(&V3::new(-0.3, 0.3, -0.1));
@@ -133,7 +134,7 @@ fn a_hand_carries_a_piece_and_throws_it() {
 fn each_end_carries_the_weight_of_its_half() {
     // So stiff that it does not sag: a blade that comes down passes a plane of the block at rest.
     let scene = parsed(&text(BOTH, "gravity = true", "").replace("1.0e5", "1.0e12")).unwrap();
-    let mut operated = Operated::new(&scene, &file(&scene));
+    let mut operated = Operated::new(&scene, &file_of(&scene).unwrap());
     // A tracker's numbers are f32.
     let at = f64::from(0.011_f32);
     operated.pass(V3::new(at, 0.08, -0.1), V3::new(at, -0.08, -0.1), 16);

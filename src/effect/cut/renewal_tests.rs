@@ -1,6 +1,7 @@
 //! A cut that goes on from new bases in a world.
 
-use super::operated::{BOTH, Operated, file, parsed, text};
+use super::operated::{BOTH, Operated, parsed, text};
+use crate::effect::file_of;
 use crate::interact::Action;
 use nalgebra::Vector3;
 
@@ -24,7 +25,7 @@ fn steps(operated: &Operated) -> (usize, u64, Option<u64>) {
 #[test]
 fn a_long_cut_goes_on_from_a_new_base() {
     let scene = parsed(&text(BOTH, "", "").replace("[9, 4, 3]", "[5, 13, 13]")).unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     let (above, below) = (V3::new(0.011, 0.06, -0.1), V3::new(0.011, -0.03, -0.1));
     let way = |k: usize| above.lerp(&below, k.min(24) as f64 / 24.0);

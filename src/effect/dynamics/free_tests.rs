@@ -5,9 +5,9 @@ use super::coupled::Damping;
 use super::settings::NAME;
 use super::system::System;
 use super::tables::Tables;
-use super::tests::{CELLS, LENGTH, REST, Rig, SECTION, bar, bar_of, file, tables, without_damping};
+use super::tests::{CELLS, LENGTH, REST, Rig, SECTION, bar, bar_of, tables, without_damping};
 use crate::deform::ControlPose;
-use crate::effect::Resolved;
+use crate::effect::{Resolved, file_of};
 use crate::green::GreenFile;
 use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 use std::f64::consts::TAU;
@@ -171,7 +171,7 @@ fn ring(radius: f64, height: f64, around: usize, modes: usize) -> Arc<GreenFile>
          effects = [\"dynamics\"]\neffect.dynamics.modes = {modes}\n\
          control.root = {{ nodes = {{ box = {{ min = [-1.0, 0.0, -1e-6], max = [1.0, 1.0, 1e-6] }} }}, grab = \"fixed\" }}\n"
     );
-    file(&Resolved::parse(&text, Path::new("ring.toml")).unwrap(), "bar")
+    file_of(&Resolved::parse(&text, Path::new("ring.toml")).unwrap()).unwrap()
 }
 
 /// Frequencies of the modes that stay in the plane of a ring that flies, Hz.

@@ -3,9 +3,9 @@
 use super::coupled::Damping;
 use super::system::System;
 use super::tables::Tables;
-use super::tests::{file, risings, step, world};
+use super::tests::{risings, step, world};
 use crate::deform::ControlPose;
-use crate::effect::Resolved;
+use crate::effect::{Resolved, file_of};
 use crate::green::GreenFile;
 use crate::mesh::TetMesh;
 use crate::mesh::quality::signed_volume;
@@ -169,7 +169,7 @@ parts = [
 #[test]
 fn a_bear_on_a_strip_swings_as_a_compound_pendulum() {
     let scene = Resolved::parse(BEAR, Path::new("bear.toml")).unwrap();
-    let file = file(&scene, "bear");
+    let file = file_of(&scene).unwrap();
     let tables = Tables::read(&file, "bear").unwrap();
     let system = System::new(&tables, vec![false, true], false, Damping::Ratio(0.0));
     let stiffness = (&system.stiffness * &system.all_from_own).view((0, 0), (6, 6)).into_owned();
@@ -221,7 +221,7 @@ control.tip = { nodes = { box = { min = [-0.14001, -1.0, -1.0], max = [1.0, 1.0,
 #[test]
 fn a_plate_on_a_strip_swings_as_a_compound_pendulum() {
     let scene = Resolved::parse(PLATE, Path::new("plate.toml")).unwrap();
-    let file = file(&scene, "plate");
+    let file = file_of(&scene).unwrap();
     let [length, height, width, density] = [0.06, 0.006, 0.012, 5000.0];
     let mass = 0.34 * height * width * density;
     let expected = Pendulum {

@@ -5,9 +5,9 @@ use super::moving::Motion;
 use super::section::SWINGING;
 use super::system::System;
 use super::tables::Tables;
-use super::tests::{REST, Rig, file};
+use super::tests::{REST, Rig};
 use crate::deform::{BodyState, ControlPose, DeformationModel, LINEAR, ModelMemory, PoseSlope, Response};
-use crate::effect::Resolved;
+use crate::effect::{Resolved, file_of};
 use crate::green::GreenFile;
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 use std::path::Path;
@@ -24,7 +24,7 @@ fn strip(model: &str, cells: &str) -> Arc<GreenFile> {
          control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n\
          control.tip = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
     );
-    file(&Resolved::parse(&text, Path::new("bar.toml")).unwrap(), "bar")
+    file_of(&Resolved::parse(&text, Path::new("bar.toml")).unwrap()).unwrap()
 }
 
 fn bent(angle: f64) -> ControlPose {

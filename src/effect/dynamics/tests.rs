@@ -6,9 +6,8 @@ use super::moving::{Moving, Now};
 use super::settings::NAME;
 use super::tables::Tables;
 use crate::deform::{ControlPose, Deformer};
-use crate::effect::{Resolved, attach, precompute};
-use crate::green::{self, FIELDS, GreenFile, Keeping};
-use crate::solve::Silent;
+use crate::effect::{self, Resolved, attach, file_of};
+use crate::green::{FIELDS, GreenFile};
 use crate::stage::{Stage, rotation_towards};
 use crate::track::{StylusState, TrackerState};
 use crate::world::running::written;
@@ -41,17 +40,8 @@ pub(super) fn bar_of(young: f64, cells: [usize; 3], keys: &str, has_tip: bool) -
          control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n{tip}"
     );
     let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
-    let file = file(&scene, "bar");
+    let file = file_of(&scene).unwrap();
     (scene, file)
-}
-
-pub(super) fn file(scene: &Resolved, body: &str) -> Arc<GreenFile> {
-    let required = scene.requirements(body).unwrap();
-    let made = precompute(scene, body, &required, Keeping::default(), &Silent).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("body.green");
-    green::write(&path, &[made]).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
 }
 
 pub(super) fn tables(file: &GreenFile) -> Tables {
@@ -320,10 +310,7 @@ fn poses_and_times_that_are_no_numbers_leave_no_trace() {
 }
 
 pub(super) fn world(scene: &Resolved, file: &Arc<GreenFile>) -> World {
-    let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-    let effects = attach(&[ENTRY], scene, file, &mut world).unwrap();
-    world.join(effects).unwrap();
-    world
+    effect::world(&[ENTRY], scene, file, Stage::find("desktop").unwrap()).unwrap()
 }
 
 pub(super) fn step(world: &mut World, frame: usize) {

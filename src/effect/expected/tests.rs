@@ -94,14 +94,11 @@ fn what_cannot_be_measured_is_said() {
 #[test]
 fn a_damaged_section_is_refused_with_a_message() {
     let scene = beam(1, "material = { young = 1.0, poisson = 0.3 }", "fixed", "dragger");
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("beam.green");
     let mut body = solved(&scene);
     let mut opened = |text: &str| {
         body.requirements = body.requirements.clone().with_section(NAME);
         body.sections.insert(format!("{NAME}/{TENSOR}"), Tensor::new(&[text.len()], text.bytes()));
-        green::write(&path, std::slice::from_ref(&body)).unwrap();
-        read(&GreenFile::open(&path).unwrap(), "beam").map_err(|error| error.to_string())
+        read(&green::opened(std::slice::from_ref(&body)).unwrap(), "beam").map_err(|error| error.to_string())
     };
     let at = |force: &str, control: &str| {
         format!(

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::deform::{Statics, legs};
-use crate::effect::{Resolved, attach};
+use crate::effect::{Resolved, attach, file_of};
 use crate::fem::LAWS;
-use crate::green::{self, GreenFile};
+use crate::green::GreenFile;
 use crate::render::Drawable;
 use crate::solve::Silent;
 use crate::stage::Stage;
@@ -18,7 +18,7 @@ pub(in crate::effect) const BAR: [f64; 2] = [4.0, 1.0];
 pub(in crate::effect) const YOUNG: f64 = 1.0e3;
 
 /// A bar along x, held at both end faces, with these effects; its scene, its file and a world.
-pub(crate) fn bar(name: &str, model: &str, effects: &[&str]) -> (Resolved, Arc<GreenFile>, World) {
+pub(crate) fn bar(model: &str, effects: &[&str]) -> (Resolved, Arc<GreenFile>, World) {
     let [length, side] = BAR;
     let text = format!(
         "[body.bar]\n\
@@ -30,19 +30,14 @@ pub(crate) fn bar(name: &str, model: &str, effects: &[&str]) -> (Resolved, Arc<G
          control.right = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
     );
     let scene = Resolved::parse(&text, Path::new("bar.toml")).unwrap();
-    let required = scene.requirements("bar").unwrap();
-    let folder = std::env::temp_dir().join(format!("greenstage-{name}-{}", std::process::id()));
-    let path = folder.join("bar.green");
-    green::write(&path, &[green::precompute(&scene, "bar", &required, &Silent).unwrap()]).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
-    std::fs::remove_dir_all(&folder).unwrap();
+    let file = file_of(&scene).unwrap();
     let world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     (scene, file, world)
 }
 
 /// The bar in a pose, with the picture that is kept of it; and the poses.
-fn shown(name: &str, model: &str, pose: [ControlPose; 2]) -> (Resolved, World) {
-    let (scene, file, mut world) = bar(name, model, &["ghost_equilibrium"]);
+fn shown(model: &str, pose: [ControlPose; 2]) -> (Resolved, World) {
+    let (scene, file, mut world) = bar(model, &["ghost_equilibrium"]);
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     world.is_for_pictures = true;
     world.bodies[0].deformer.evaluate(&pose);
@@ -81,11 +76,11 @@ fn pulled(strain: f64) -> ControlPose {
 /// Linear theory leaves out the square of the strain; with ν = 0 a pulled bar is the same by both.
 #[test]
 fn a_bar_pulled_slightly_is_in_equilibrium_within_linear_theory_s_own_error() {
-    let (_, world) = shown("ghost-pulled", "linear", [ControlPose::REST, pulled(1e-3)]);
+    let (_, world) = shown("linear", [ControlPose::REST, pulled(1e-3)]);
     assert!(apart(&world) < 1e-6 * BAR[0], "{} m", apart(&world));
     assert!(words(&world).contains("linear is off by"), "{}", words(&world));
     let bent = ControlPose { translation: Vector3::new(0.0, 1e-3 * BAR[0], 0.0), ..ControlPose::REST };
-    let (_, world) = shown("ghost-sheared", "linear", [ControlPose::REST, bent]);
+    let (_, world) = shown("linear", [ControlPose::REST, bent]);
     let (sideways, error) = (1e-3 * BAR[0], apart(&world));
     assert!(error > 1e-5 * sideways && error < 5e-3 * sideways, "{error} m of {sideways} m");
 }
@@ -97,7 +92,7 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
     let angle = 0.5;
     let matrix = *Rotation3::from_axis_angle(&Vector3::x_axis(), angle).matrix();
     let turned = ControlPose { matrix, ..ControlPose::REST };
-    let (_, world) = shown("ghost-swollen", "linear", [turned; 2]);
+    let (_, world) = shown("linear", [turned; 2]);
     let radius = BAR[1] / 2.0f64.sqrt();
     let swelling = (1.0 - f64::cos(angle)) * radius;
     assert!((apart(&world) / swelling - 1.0).abs() < 0.02, "{} m, not {swelling} m", apart(&world));
@@ -107,7 +102,7 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
         let turned: Vector3<f64> = matrix * Vector3::from(*rest).cast::<f64>();
         assert!((Vector3::from(*ghost).cast::<f64>() - turned).norm() < 1e-5);
     }
-    let (_, world) = shown("ghost-rigid", "rotation", [turned; 2]);
+    let (_, world) = shown("rotation", [turned; 2]);
     assert!(apart(&world) < 1e-5, "the model rotation turns as a whole: {} m", apart(&world));
 }
 
@@ -115,7 +110,7 @@ fn a_bar_turned_as_a_whole_swells_by_one_minus_the_cosine() {
 #[test]
 fn the_ghost_stands_in_equilibrium_under_the_law_of_its_settings() {
     let pose = ControlPose { translation: Vector3::new(0.6, 0.0, 0.0), matrix: Matrix3::identity() };
-    let (scene, file, mut world) = bar("ghost-law", "rotation", &[NAME]);
+    let (scene, file, mut world) = bar("rotation", &[NAME]);
     let mut asking = Scene::clone(&scene);
     asking.body["bar"].effect.insert(NAME.into(), "law = \"neo_hookean\"".parse().unwrap());
     let scene = Resolved::new(asking).unwrap();
@@ -145,7 +140,7 @@ fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_
     let matrix: Matrix3<f64> = *Rotation3::from_axis_angle(&Vector3::z_axis(), angle).matrix();
     let translation = Vector3::new(-0.2, 1.2, 0.0);
     let poses = vec![ControlPose::REST, ControlPose { translation, matrix }];
-    let (scene, world) = shown("ghost-statics", "rotation", [poses[0], poses[1]]);
+    let (scene, world) = shown("rotation", [poses[0], poses[1]]);
     let mut statics = Statics::new(&scene, "bar", &STVK, &Silent).unwrap();
     let settled = statics.solve(&poses, &Silent).unwrap();
     let deformer = &world.bodies[0].deformer;
@@ -173,7 +168,7 @@ fn the_ghost_is_the_equilibrium_that_deform_writes_and_its_numbers_are_those_of_
 /// A live picture never shows a number without the pose to which it belongs.
 #[test]
 fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
-    let (scene, file, mut world) = bar("ghost-live", "rotation", &["ghost_equilibrium"]);
+    let (scene, file, mut world) = bar("rotation", &["ghost_equilibrium"]);
     let mut running = attach(&[ENTRY], &scene, &file, &mut world).unwrap();
     let mut frame = |world: &mut World| {
         world.frame.drawables.clear();
@@ -202,7 +197,7 @@ fn a_ghost_of_a_pose_that_was_left_says_so_and_is_solved_anew() {
 /// A St. Venant–Kirchhoff bar gives way at 1/√3 of its length.
 #[test]
 fn a_pose_without_equilibrium_is_told() {
-    let (_, world) = shown("ghost-none", "linear", [ControlPose::REST, pulled(-0.7)]);
+    let (_, world) = shown("linear", [ControlPose::REST, pulled(-0.7)]);
     let words = words(&world);
     assert!(
         words.contains("no static equilibrium of this pose found") && words.contains("% of the way"),
@@ -215,7 +210,7 @@ fn a_pose_without_equilibrium_is_told() {
 /// round, which the same matrix stands for.
 #[test]
 fn a_turn_of_more_than_half_is_gone_in_legs() {
-    let (scene, _, _) = bar("ghost-legs", "linear", &[]);
+    let (scene, _, _) = bar("linear", &[]);
     let mut statics = Statics::new(&scene, "bar", &STVK, &Silent).unwrap();
     let turned = |degrees: f64| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), f64::to_radians(degrees));
     let pose = |degrees: f64| ControlPose {

@@ -12,12 +12,11 @@ use super::tick::Control;
 use crate::base::failure::Failure;
 use crate::base::progress::Silent;
 use crate::deform::{ControlPose, Deformer, ModelEntry, PLATE};
-use crate::green::{self, GreenFile, Requirements};
+use crate::green::{self, Requirements};
 use crate::scene::Scene;
 use crate::stage::Haptic;
 use nalgebra::{Isometry3, Matrix4, Similarity3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
-use std::sync::Arc;
 
 /// Length of the beam, m.
 const LENGTH_M: f64 = 0.3;
@@ -53,10 +52,7 @@ fn of_section(
         .into_iter()
         .fold(Requirements::default(), Requirements::and);
     let made = green::precompute(&scene, "beam", &requirements, &Silent).map_err(Failure::work)?;
-    let folder = tempfile::tempdir().map_err(Failure::work)?;
-    let path = folder.path().join("bent.green");
-    green::write(&path, &[made]).map_err(Failure::work)?;
-    let file = Arc::new(GreenFile::open(&path).map_err(Failure::work)?);
+    let file = green::opened(&[made]).map_err(Failure::work)?;
     Deformer::new(file, "beam", model).map_err(Failure::wrong)
 }
 

@@ -8,6 +8,8 @@
 //! tone ([`SineAim`]).
 
 mod glide;
+#[cfg(test)]
+mod heard;
 mod listener;
 mod live;
 mod noise;

@@ -1,12 +1,9 @@
 //! Blocks that are rubbed, cut and strained, and what is heard of them.
 
+use super::heard::{Heard, RATE_HZ};
 use crate::deform::ControlPose;
-use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile, Keeping};
-use crate::solve::Silent;
-use crate::stage::Stage;
-use crate::track::{StylusState, TrackerState};
-use crate::world::World;
+use crate::effect::{Resolved, file_of};
+use crate::green::GreenFile;
 use crate::world::dissipation::Dissipation;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
@@ -15,7 +12,6 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
-const RATE_HZ: f64 = 48_000.0;
 /// ρc of air at 20 °C, Pa s/m (L. Kinsler et al., Fundamentals of Acoustics, Wiley 2000, appendix A10: 415 with c = 343 m/s and 1.21 kg/m³).
 const RHO_C: f64 = 1.204 * 343.2;
 const EFFICIENCY: f64 = 1e-5;
@@ -26,61 +22,17 @@ fn parsed(text: &str) -> Result<Resolved, String> {
     all.map(|_| scene).map_err(|error| error.to_string())
 }
 
-fn file(scene: &Resolved) -> Arc<GreenFile> {
-    let made = |name: &String| {
-        precompute(scene, name, &scene.requirements(name).unwrap(), Keeping::default(), &Silent).unwrap()
-    };
-    let made: Vec<_> = scene.bodies.keys().map(made).collect();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("rubbed.green");
-    green::write(&path, &made).unwrap();
-    Arc::new(GreenFile::open(&path).unwrap())
-}
-
-/// A session that is heard.
-struct Heard {
-    world: World,
-    frame: u32,
-    channels: Vec<Vec<f64>>,
-}
-
 impl Heard {
     fn new(text: &str) -> Heard {
         let scene = parsed(text).unwrap();
-        Heard::of(&scene, &file(&scene))
+        Heard::asked(&scene, &file_of(&scene).unwrap())
     }
 
-    fn of(scene: &Resolved, file: &Arc<GreenFile>) -> Heard {
-        let mut world = World::new(scene, &scene.models(), file, Stage::find("desktop").unwrap()).unwrap();
-        let effects = attach(EFFECTS, scene, file, &mut world).unwrap();
-        world.join(effects).unwrap();
-        let mut heard = Heard { world, frame: 0, channels: Vec::new() };
-        // From the second frame on that is asked for.
+    /// A session in which what is heard is asked for in the first frame already.
+    fn asked(scene: &Resolved, file: &Arc<GreenFile>) -> Heard {
+        let mut heard = Heard::of(scene, file, "desktop");
         heard.listen();
         heard
-    }
-
-    /// A frame; the work that was done in it on the first body, and the energy that is heard, Pa² s.
-    fn step(&mut self, room_from_stylus: Isometry3<f64>) -> (Dissipation, f64) {
-        let stylus = StylusState { room_from_stylus: room_from_stylus.cast(), ..Default::default() };
-        let time_s = f64::from(self.frame) / 60.0;
-        self.frame += 1;
-        self.world.step(&TrackerState { head: None, styli: vec![stylus], time_s }.into());
-        (self.world.frame.bodies[0].dissipation, self.listen())
-    }
-
-    fn listen(&mut self) -> f64 {
-        let Some(sound) = self.world.effects.iter_mut().find_map(|effect| effect.heard()) else { return 0.0 };
-        self.channels.resize(sound.channels, Vec::new());
-        let mut energy = 0.0;
-        for moment in sound.samples.chunks_exact(sound.channels) {
-            for (all, sample) in self.channels.iter_mut().zip(moment) {
-                let pa = f64::from(*sample) * sound.full_scale_pa;
-                energy += pa * pa / RATE_HZ;
-                all.push(pa);
-            }
-        }
-        energy
     }
 
     /// Distance from the head, m.
@@ -171,9 +123,9 @@ fn a_plate_that_rubs_is_as_loud_as_friction_times_speed() {
 #[test]
 fn two_runs_have_the_same_bits() {
     let scene = parsed(&rubbed("")).unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let run = || {
-        let mut heard = Heard::of(&scene, &file);
+        let mut heard = Heard::asked(&scene, &file);
         (0..40).for_each(|k| {
             heard.step(ceiling(V3::new(STEP * f64::from(k), 0.05 - DEPTH, 0.0)));
         });

@@ -1,23 +1,17 @@
 //! A steel strip that is struck, and what is heard of it.
 
-use crate::effect::{EFFECTS, Resolved, attach, precompute};
-use crate::green::{self, GreenFile, Keeping};
-use crate::solve::Silent;
+use super::heard::{Heard, RATE_HZ};
+use crate::effect::{Resolved, file_of};
 use crate::stage::Stage;
-use crate::track::{StylusState, TrackerState};
-use crate::world::World;
-use nalgebra::{Isometry3, Translation3};
+use nalgebra::Translation3;
 use std::f64::consts::TAU;
 use std::path::Path;
-use std::sync::Arc;
-
-const RATE_HZ: f64 = 48_000.0;
 
 /// Where the strip is held, in the room.
 const ROOT: [f64; 3] = [-0.6, 1.0, -0.9];
 
-/// A strip of 0.1 × 0.004 × 0.02 m along x, held at its left end, and a ball of 10 mm on a stylus.
-fn strip(keys: &str) -> (Resolved, Arc<GreenFile>) {
+/// A strip of 0.1 × 0.004 × 0.02 m along x, held at its left end, and a ball of 10 mm on a stylus, heard on a stage.
+fn strip(keys: &str, stage: &str) -> Heard {
     let text = format!(
         "[tool.hammer]\nshape = {{ ball = {{ radius = 0.01 }} }}\nstylus = 1\n\
          [body.strip]\ngenerate = {{ block = {{ size = [0.1, 0.004, 0.02], cells = [12, 1, 2] }} }}\nelement = \"tet10\"\n\
@@ -26,54 +20,22 @@ fn strip(keys: &str) -> (Resolved, Arc<GreenFile>) {
          control.root = {{ nodes = {{ group = \"xmin\" }}, grab = \"fixed\" }}\n"
     );
     let scene = Resolved::parse(&text, Path::new("strip.toml")).unwrap();
-    let made =
-        precompute(&scene, "strip", &scene.requirements("strip").unwrap(), Keeping::default(), &Silent)
-            .unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("strip.green");
-    green::write(&path, &[made]).unwrap();
-    (scene, Arc::new(GreenFile::open(&path).unwrap()))
-}
-
-/// A session that is heard.
-struct Heard {
-    world: World,
-    frame: u32,
-    channels: Vec<Vec<f64>>,
+    Heard::of(&scene, &file_of(&scene).unwrap(), stage)
 }
 
 impl Heard {
-    fn new((scene, file): &(Resolved, Arc<GreenFile>), stage: &str) -> Heard {
-        let stage = Stage::find(stage).unwrap();
-        let mut world = World::new(scene, &scene.models(), file, stage).unwrap();
-        let effects = attach(EFFECTS, scene, file, &mut world).unwrap();
-        world.join(effects).unwrap();
-        Heard { world, frame: 0, channels: Vec::new() }
-    }
-
     /// A frame with the hammer this far above where it touches the strip's free end.
-    fn step(&mut self, above: f64) {
+    fn hammer(&mut self, above: f64) {
         let top = self.world.bodies[0].deformer.rest().iter().map(|x| x[1]).fold(f32::MIN, f32::max);
         let end = self.world.bodies[0].deformer.rest().iter().map(|x| x[0]).fold(f32::MIN, f32::max);
         let place = [ROOT[0] + f64::from(end), ROOT[1] + f64::from(top) + 0.01 + above, ROOT[2]];
-        let room_from_stylus = Isometry3::from_parts(Translation3::from(place), nalgebra::one()).cast();
-        let stylus = StylusState { room_from_stylus, ..Default::default() };
-        let time_s = f64::from(self.frame) / 60.0;
-        self.frame += 1;
-        self.world.step(&TrackerState { head: None, styli: vec![stylus], time_s }.into());
-        let sound = self.world.effects.iter_mut().find_map(|effect| effect.heard()).unwrap();
-        assert_eq!(f64::from(sound.rate_hz), RATE_HZ);
-        self.channels.resize(sound.channels, Vec::new());
-        for moment in sound.samples.chunks_exact(sound.channels) {
-            let pa = |sample: &f32| f64::from(*sample) * sound.full_scale_pa;
-            self.channels.iter_mut().zip(moment).for_each(|(all, sample)| all.push(pa(sample)));
-        }
+        self.step(Translation3::from(place).into());
     }
 
     /// A blow of 0.3 m/s, and `frames` after it.
     fn strike(&mut self, frames: usize) {
         for above in [0.01, 0.005, -0.0003, 0.005].into_iter().chain(std::iter::repeat_n(0.02, frames)) {
-            self.step(above);
+            self.hammer(above);
         }
     }
 }
@@ -108,7 +70,7 @@ fn bernoulli(beta: f64) -> f64 {
 
 #[test]
 fn a_struck_strip_is_heard_at_its_frequencies_and_fades_as_it_is_damped() {
-    let mut heard = Heard::new(&strip("effect.dynamics = { modes = 12, damping = 0.002 }"), "desktop");
+    let mut heard = strip("effect.dynamics = { modes = 12, damping = 0.002 }", "desktop");
     heard.strike(60);
     let ringing = &heard.channels[0][12_000..44_768];
     let first = bernoulli(1.87510);
@@ -137,13 +99,13 @@ fn a_struck_strip_is_heard_at_its_frequencies_and_fades_as_it_is_damped() {
 
 #[test]
 fn what_is_at_rest_is_silent_and_so_is_what_is_pressed_slowly() {
-    let mut heard = Heard::new(&strip("gravity = true\neffect.dynamics = { modes = 12 }"), "desktop");
-    (0..90).for_each(|_| heard.step(0.05));
+    let mut heard = strip("gravity = true\neffect.dynamics = { modes = 12 }", "desktop");
+    (0..90).for_each(|_| heard.hammer(0.05));
     // It begins in equilibrium under its weight.
     let rest = rms(&heard.channels[0][60_000..]);
     assert!(rest < 1e-9, "{rest} Pa");
     let from = heard.channels[0].len();
-    (0..120).for_each(|k| heard.step(0.0005 - 1e-5 * f64::from(k)));
+    (0..120).for_each(|k| heard.hammer(0.0005 - 1e-5 * f64::from(k)));
     let pressed = rms(&heard.channels[0][from..]);
     heard.strike(10);
     let struck = rms(&heard.channels[0][from + 96_000..]);
@@ -155,8 +117,7 @@ fn what_is_at_rest_is_silent_and_so_is_what_is_pressed_slowly() {
 /// as the one of a source that a listener hears from its distance.
 #[test]
 fn a_strip_is_heard_from_where_it_is() {
-    let file = strip("effect.dynamics = { modes = 6, damping = 0.002 }");
-    let mut heard = Heard::new(&file, "cyberstage");
+    let mut heard = strip("effect.dynamics = { modes = 6, damping = 0.002 }", "cyberstage");
     heard.strike(30);
     let levels: Vec<f64> = heard.channels.iter().map(|samples| rms(samples)).collect();
     assert_eq!(levels.len(), 8);
@@ -196,7 +157,7 @@ fn a_strip_is_heard_from_where_it_is() {
 fn a_gain_is_heard() {
     let level = |keys: &str| {
         let keys = format!("effect.dynamics = {{ modes = 6 }}\n{keys}");
-        let mut heard = Heard::new(&strip(&keys), "desktop");
+        let mut heard = strip(&keys, "desktop");
         heard.strike(10);
         rms(&heard.channels[0])
     };

@@ -3,9 +3,9 @@
 use super::stressed_body::{StressedBody, written};
 use crate::base::legend::Legend;
 use crate::deform::{AppliedLoads, ControlPose, Deformer, LINEAR};
-use crate::effect::{EFFECTS, Resolved, RunningEffect, add_sections, attach};
+use crate::effect::{EFFECTS, Resolved, RunningEffect, add_sections, attach, file_of};
 use crate::fem::NodeFields;
-use crate::green::{self, GreenFile, Precomputed, Tensor};
+use crate::green::{self, Precomputed, Tensor};
 use crate::render::Drawable;
 use crate::scene::Limit;
 use crate::solve::Silent;
@@ -14,7 +14,6 @@ use crate::track::TrackerState;
 use crate::world::World;
 use nalgebra::{Matrix3, Vector3};
 use std::path::Path;
-use std::sync::Arc;
 
 const INNER: f64 = 0.5;
 const OUTER: f64 = 1.0;
@@ -37,20 +36,18 @@ fn tube(size: u32, element: &str, poisson: f64) -> Resolved {
     ))
 }
 
-fn written_file(scene: &Resolved, folder: &Path) -> (Precomputed, Arc<GreenFile>) {
+fn made(scene: &Resolved) -> Precomputed {
     let required = scene.requirements("b").unwrap();
     let mut made = green::precompute(scene, "b", &required, &Silent).unwrap();
     add_sections(scene, &mut made, &Silent).unwrap();
-    let path = folder.join("b.green");
-    green::write(&path, std::slice::from_ref(&made)).unwrap();
-    (made, Arc::new(GreenFile::open(&path).unwrap()))
+    made
 }
 
 /// Errors on the outer wall, away from the ends: of this recovery, and of the mean over the tetrahedra around each node.
 fn errors(size: u32, element: &str, poisson: f64) -> [f64; 2] {
     let scene = tube(size, element, poisson);
-    let folder = tempfile::tempdir().unwrap();
-    let (made, file) = written_file(&scene, folder.path());
+    let made = made(&scene);
+    let file = green::opened(std::slice::from_ref(&made)).unwrap();
     // Lamé with free ends (Timoshenko and Goodier, article 28): σ_θ = 2 p a² / (b² - a²) at r = b, σ_r = σ_z = 0.
     let ring = OUTER * OUTER - INNER * INNER;
     let hoop = 2.0 * PRESSURE * INNER * INNER / ring;
@@ -116,13 +113,9 @@ fn a_pressed_tube_that_was_solved_has_the_stress_of_lame() {
 }
 
 /// Largest and least von Mises stress of the deformed body under these loads, over the nodes of the surface that `is_meant`.
-fn extremes(
-    scene: &Resolved,
-    coefficients: &[f64],
-    folder: &Path,
-    is_meant: impl Fn(&Vector3<f64>) -> bool,
-) -> [f64; 2] {
-    let (made, file) = written_file(scene, folder);
+fn extremes(scene: &Resolved, coefficients: &[f64], is_meant: impl Fn(&Vector3<f64>) -> bool) -> [f64; 2] {
+    let made = made(scene);
+    let file = green::opened(std::slice::from_ref(&made)).unwrap();
     let mut deformer = Deformer::new(file.clone(), "b", &LINEAR).unwrap();
     deformer.apply(&AppliedLoads { coefficients: coefficients.to_vec(), points: Vec::new() });
     deformer.evaluate(&[ControlPose::REST]);
@@ -148,7 +141,6 @@ fn pressure_is_stress_in_the_wall_on_which_it_acts() {
          load.outside = {{ nodes = {{ group = \"outer\" }}, kind = \"pressure\" }}\n\
          control.left = {{ nodes = {{ group = \"left\" }}, grab = \"fixed\" }}\n"
     ));
-    let folder = tempfile::tempdir().unwrap();
     let (a2, b2) = (INNER * INNER, OUTER * OUTER);
     let hoop = (b2 + a2) / (b2 - a2);
     let inner = (0.5 * ((hoop + 1.0).powi(2) + hoop * hoop + 1.0)).sqrt();
@@ -158,8 +150,7 @@ fn pressure_is_stress_in_the_wall_on_which_it_acts() {
         ([PRESSURE, 0.0], inner, &is_inside as &dyn Fn(&Vector3<f64>) -> bool),
         ([PRESSURE, PRESSURE], 1.0, &is_amid),
     ] {
-        let found =
-            extremes(&scene, &pressures, folder.path(), is_meant).map(|value| value / PRESSURE / expected);
+        let found = extremes(&scene, &pressures, is_meant).map(|value| value / PRESSURE / expected);
         println!("{pressures:?}: {found:?} of Lamé's");
         assert!(found[0] > 0.97 && found[1] < 1.03, "{found:?}");
     }
@@ -174,8 +165,7 @@ fn a_pulled_face_has_the_stress_of_its_pull() {
          load.pull = { nodes = { group = \"xmax\" }, kind = \"stretch\" }\n\
          control.foot = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n",
     );
-    let folder = tempfile::tempdir().unwrap();
-    let found = extremes(&scene, &[1e3], folder.path(), |x| x.x > 1.0);
+    let found = extremes(&scene, &[1e3], |x| x.x > 1.0);
     assert!(found.iter().all(|value| (value / 1e3 - 1.0).abs() < 0.01), "{found:?}");
 }
 
@@ -193,8 +183,7 @@ fn legend_of(world: &World) -> Legend {
 #[test]
 fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
     let scene = scene(BAR);
-    let folder = tempfile::tempdir().unwrap();
-    let (_, file) = written_file(&scene, folder.path());
+    let file = file_of(&scene).unwrap();
     let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
     let [effect] = &mut running[..] else { panic!() };
@@ -247,8 +236,7 @@ fn a_session_says_where_the_limit_is_passed_and_shows_another_field() {
 #[test]
 fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_key() {
     let scene = scene(&BAR.replace(", limit = { stress = 1.0e6 }", ""));
-    let folder = tempfile::tempdir().unwrap();
-    let (_, file) = written_file(&scene, folder.path());
+    let file = file_of(&scene).unwrap();
     let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
     let [effect] = &mut running[..] else { panic!() };
@@ -284,13 +272,10 @@ fn the_range_of_colours_takes_no_values_from_beyond_the_model_and_is_reset_by_a_
 #[test]
 fn a_section_that_does_not_fit_is_refused() {
     let scene = scene(BAR);
-    let folder = tempfile::tempdir().unwrap();
-    let (mut made, _) = written_file(&scene, folder.path());
-    let path = folder.path().join("b.green");
+    let mut made = made(&scene);
     for numbers in [vec![0_u8; 3], vec![1; made.solution.surface.triangles.len()]] {
         made.sections.insert("stress/material".into(), Tensor::new(&[numbers.len()], numbers));
-        green::write(&path, std::slice::from_ref(&made)).unwrap();
-        let file = GreenFile::open(&path).unwrap();
+        let file = green::opened(std::slice::from_ref(&made)).unwrap();
         let error = StressedBody::of_file(&scene, &file, "b").err().unwrap().to_string();
         assert!(error.contains("b/stress/material does not number the body's materials"), "{error}");
     }
@@ -301,8 +286,7 @@ fn a_section_that_does_not_fit_is_refused() {
 #[test]
 fn a_state_that_is_taken_back_is_coded_anew() {
     let scene = scene(BAR);
-    let folder = tempfile::tempdir().unwrap();
-    let (_, file) = written_file(&scene, folder.path());
+    let file = file_of(&scene).unwrap();
     let mut world = World::new(&scene, &scene.models(), &file, Stage::find("desktop").unwrap()).unwrap();
     let mut running = attach(EFFECTS, &scene, &file, &mut world).unwrap();
     let [effect] = &mut running[..] else { panic!() };

@@ -7,7 +7,7 @@
 use super::setting::{Accepted, BALL_M, BLADE_M, Setting};
 use crate::base::failure::Failure;
 use crate::effect::haptics::{Control, Device, Elastic, ElementHold, Grasp, Hand, HoldConstraint, Simulated};
-use crate::effect::{EFFECTS, Resolved, attach};
+use crate::effect::{self, EFFECTS, Resolved};
 use crate::green::GreenFile;
 use crate::stage::Haptic;
 use crate::track::{StylusState, TrackerState};
@@ -53,10 +53,7 @@ pub struct Failed {
 
 fn world(scene: &Resolved, file: &Arc<GreenFile>) -> Result<World, Failure> {
     let stage = Setting::stage().map_err(Failure::request)?;
-    let mut world = World::new(scene, &scene.models(), file, stage)?;
-    let effects = attach(EFFECTS, scene, file, &mut world)?;
-    world.join(effects)?;
-    Ok(world)
+    effect::world(EFFECTS, scene, file, stage)
 }
 
 /// A scene on its way through the frames.

@@ -13,10 +13,9 @@ pub mod tables;
 
 pub use course::{Failed, Ran};
 
-use crate::base::progress::Silent;
 use crate::deform::ModelEntry;
-use crate::effect::{EFFECTS, EffectEntry, precompute};
-use crate::green::{self, GreenFile, Keeping};
+use crate::effect::{self, EFFECTS, EffectEntry};
+use crate::green::GreenFile;
 use indexmap::IndexMap;
 use serde::Serialize;
 use setting::{Accepted, Setting, Shape};
@@ -122,25 +121,9 @@ impl Bench {
     fn file(&mut self, accepted: &Accepted) -> Result<Arc<GreenFile>, String> {
         let required: Vec<String> = accepted.required.iter().map(|required| required.describe()).collect();
         let key = format!("{} {}", required.join("; "), accepted.setting.has_gravity);
-        self.files.entry(key).or_insert_with(|| made(accepted)).clone()
+        let solve = || effect::file_of(&accepted.scene).map_err(|error| error.to_string());
+        self.files.entry(key).or_insert_with(solve).clone()
     }
-}
-
-/// The .green file of a scene, which is gone from the disk when this returns.
-fn made(accepted: &Accepted) -> Result<Arc<GreenFile>, String> {
-    let solve = || {
-        let scene = &accepted.scene;
-        let bodies = scene.bodies.keys().zip(&accepted.required);
-        let bodies =
-            bodies.map(|(name, required)| precompute(scene, name, required, Keeping::default(), &Silent));
-        let bodies = bodies.collect::<Result<Vec<_>, _>>()?;
-        let source = |source| green::GreenError::Io { path: std::env::temp_dir(), source };
-        let folder = tempfile::tempdir().map_err(source)?;
-        let path = folder.path().join("together.green");
-        green::write(&path, &bodies)?;
-        GreenFile::open(&path).map(Arc::new)
-    };
-    solve().map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

@@ -2,9 +2,7 @@
 
 use super::*;
 use crate::effect::{self, EFFECTS};
-use crate::green::{self, GreenFile};
 use crate::interact::{Axis, Freedom};
-use crate::prepare;
 use crate::prepare::Resolved;
 use crate::render::Drawable;
 use crate::stage::Stage;
@@ -12,12 +10,11 @@ use crate::track::{Signal, StylusState, TrackerState};
 use crate::world::Highlight;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
-use std::sync::Arc;
 
 mod snap;
 
 /// A block of 2 m × 1 m × 1 m, which fills 0.95 of the workspace: x ±0.95, y and z ±0.475 of its radius.
-fn world(name: &str, effects: &str) -> World {
+fn world(effects: &str) -> World {
     let text = format!(
         r#"
 [body.block]
@@ -33,16 +30,9 @@ nodes = {{ group = "xmax" }}
 grab = "dragger"
 "#
     );
-    let folder = std::env::temp_dir().join(format!("greenstage-desk-{name}-{}", std::process::id()));
     let scene = Resolved::parse(&text, Path::new("scene.toml")).unwrap();
-    let path = folder.join("scene.green");
-    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
-    std::fs::remove_dir_all(&folder).unwrap();
-    let mut world = World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap();
-    let effects = effect::attach(EFFECTS, &scene, &file, &mut world).unwrap();
-    world.join(effects).unwrap();
-    world
+    let file = effect::file_of(&scene).unwrap();
+    effect::world(EFFECTS, &scene, &file, Stage::find("workbench").unwrap()).unwrap()
 }
 
 const LEFT: usize = 0;
@@ -97,7 +87,7 @@ fn carry_right(world: &mut World, time_s: f64, by: [f64; 3], turn: [f64; 3]) {
 
 #[test]
 fn what_the_tip_touches_wins_over_what_the_ray_hits() {
-    let mut world = world("near", "");
+    let mut world = world("");
     // Just above the right end's edge, pointing through the block at the left end.
     let at_edge = stylus([0.95, 0.50, 0.0], [-1.9, -0.1, 0.0], [0.0; 3]);
     let highlights = |world: &World| [LEFT, RIGHT].map(|c| world.frame.bodies[0].highlights[c]);
@@ -119,7 +109,7 @@ fn what_the_tip_touches_wins_over_what_the_ray_hits() {
 
 #[test]
 fn two_hands_bend_a_body_symmetrically() {
-    let mut world = world("two", "");
+    let mut world = world("");
     let hands = |way: f64, press: bool| {
         let both =
             [right([-way, way, 0.0], [0.0, 0.0, 2.0 * way]), left([way, way, 0.0], [0.0, 0.0, -2.0 * way])];
@@ -139,7 +129,7 @@ fn two_hands_bend_a_body_symmetrically() {
 
 #[test]
 fn two_hands_on_one_end_stretch_it() {
-    let mut world = world("stretch", "");
+    let mut world = world("");
     let at = |z: f64| stylus([1.5, 0.0, z], [-1.0, 0.0, 0.0], [0.0; 3]);
     let both = |half: f64| [pressed(at(-half)), pressed(at(half))];
     step(&mut world, 0.0, &[at(-0.2), at(0.2)]);
@@ -154,7 +144,7 @@ fn two_hands_on_one_end_stretch_it() {
 
 #[test]
 fn in_a_mode_only_its_part_of_the_hands_way_counts_and_the_ray_bends() {
-    let mut world = world("mode", "");
+    let mut world = world("");
     let start = right([0.0; 3], [0.0; 3]);
     step(&mut world, 0.0, &[start]);
     step(&mut world, 0.0, &[pressed(start)]);
@@ -191,7 +181,7 @@ fn in_a_mode_only_its_part_of_the_hands_way_counts_and_the_ray_bends() {
 
 #[test]
 fn undo_and_redo_bring_back_every_bit() {
-    let mut world = world("undo", "");
+    let mut world = world("");
     let rest = poses(&world);
     carry_right(&mut world, 0.0, [0.0, 0.2, 0.0], [0.0, 0.0, 0.7]);
     let first = poses(&world);
@@ -223,7 +213,7 @@ fn undo_and_redo_bring_back_every_bit() {
 
 #[test]
 fn undo_while_holding_takes_back_the_hold() {
-    let mut world = world("undo-held", "");
+    let mut world = world("");
     let start = right([0.0; 3], [0.0; 3]);
     let there = right([0.0, 0.3, 0.0], [0.0; 3]);
     for state in [start, pressed(start), pressed(there)] {
@@ -239,7 +229,7 @@ fn undo_while_holding_takes_back_the_hold() {
 
 #[test]
 fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
-    let mut world = world("navigate", "");
+    let mut world = world("");
     carry_right(&mut world, 0.0, [0.0, 0.1, 0.0], [0.0; 3]);
     let before = poses(&world);
     let home = world.bodies[0].room_from_body;
@@ -285,7 +275,7 @@ fn navigation_moves_bodies_and_no_pose_and_picking_goes_along() {
 
 #[test]
 fn the_second_button_scales_what_is_held_within_the_guards_limits() {
-    let mut world = world("scale", "");
+    let mut world = world("");
     let at =
         |x: f64, second| StylusState { second, ..pressed(stylus([x, 0.0, 0.1], [-1.0, 0.0, 0.0], [0.0; 3])) };
     step(&mut world, 0.0, &[right([0.0; 3], [0.0; 3])]);
@@ -306,7 +296,7 @@ fn the_second_button_scales_what_is_held_within_the_guards_limits() {
 
 #[test]
 fn a_body_goes_aside_by_a_double_press_and_comes_back() {
-    let mut world = world("aside", "");
+    let mut world = world("");
     let home = world.bodies[0].room_from_body;
     // At the middle of the block, which is no control element.
     let over = |second| StylusState { second, ..stylus([0.0, 2.0, 0.0], [0.0, -1.0, 0.0], [0.0; 3]) };
@@ -332,7 +322,7 @@ fn a_body_goes_aside_by_a_double_press_and_comes_back() {
 
 #[test]
 fn a_lost_stylus_leaves_the_element_where_it_is() {
-    let mut world = world("lost", "");
+    let mut world = world("");
     let there = right([0.0, 0.2, 0.0], [0.0; 3]);
     let start = right([0.0; 3], [0.0; 3]);
     for state in [start, pressed(start), pressed(there)] {
@@ -351,7 +341,7 @@ fn a_lost_stylus_leaves_the_element_where_it_is() {
 #[test]
 fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
     for (effects, wanted) in [("", false), (r#""haptics""#, true)] {
-        let mut world = world(&format!("force-{wanted}"), effects);
+        let mut world = world(effects);
         assert_eq!(world.frame.bodies[0].force_scale.is_some(), wanted);
         let start = right([0.0; 3], [0.0; 3]);
         let there = right([0.19, 0.0, 0.0], [0.0; 3]);
@@ -396,7 +386,7 @@ fn forces_are_told_only_of_bodies_whose_scene_wants_them() {
 
 #[test]
 fn the_hands_and_every_command_are_the_same_after_a_stream() {
-    let mut world = world("stream", "");
+    let mut world = world("");
     let start = right([0.0; 3], [0.0; 3]);
     world.carry_out(Action::SetMode(Mode::FREE.along(Axis::Z)));
     step(&mut world, 0.0, &[start, start]);

@@ -5,7 +5,7 @@ use super::*;
 
 #[test]
 fn a_surface_that_the_device_deforms_reads_as_one_that_the_cpu_deforms() {
-    let (mut here, mut elsewhere) = (world("deformed-here"), world("deformed-elsewhere"));
+    let (mut here, mut elsewhere) = (world(), world());
     let body = &mut elsewhere.bodies[0];
     let kept = body.pickable();
     assert!(kept.len() < body.deformer.node_count(), "the middle of the block belongs to no control element");
@@ -37,7 +37,7 @@ fn a_surface_that_the_device_deforms_reads_as_one_that_the_cpu_deforms() {
 /// element.
 #[test]
 fn a_body_that_the_device_deforms_is_pointed_at_where_it_is_bent_to() {
-    let mut world = world("pointed-elsewhere");
+    let mut world = world();
     let kept = world.bodies[0].pickable();
     world.bodies[0].deformer.sum_only_at(kept.clone());
     for (y, pressed) in [(0.0, false), (0.0, true), (1.2, true), (1.2, false)] {

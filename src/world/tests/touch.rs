@@ -14,13 +14,9 @@ const LOADED: &str = "[body.b]\n\
     low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
     high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
 
-fn loaded(name: &str) -> World {
-    let folder = std::env::temp_dir().join(format!("greenstage-touch-{name}-{}", std::process::id()));
+fn loaded() -> World {
     let scene = Resolved::parse(LOADED, Path::new("scene.toml")).unwrap();
-    let path = folder.join("scene.green");
-    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
-    std::fs::remove_dir_all(&folder).unwrap();
+    let file = effect::file_of(&scene).unwrap();
     World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap()
 }
 
@@ -40,7 +36,7 @@ fn positions(world: &World) -> Vec<[f32; 3]> {
 
 #[test]
 fn a_held_point_follows_the_hand_and_goes_back() {
-    let mut world = loaded("held");
+    let mut world = loaded();
     world.step(&above(&world, 0.3, 0.0, false).into());
     let before = positions(&world);
     world.step(&above(&world, 0.3, 0.0, true).into());
@@ -89,7 +85,7 @@ fn a_touch_of_what_is_not_there_is_refused() {
 /// A spring as stiff as the point itself brings it half way; a control element is taken before the surface behind it.
 #[test]
 fn a_spring_pulls_half_way_and_keys_change_what_is_taken() {
-    let mut world = loaded("spring");
+    let mut world = loaded();
     world.carry_out(Action::SetTaking(SurfaceGrip::Force));
     world.step(&above(&world, 0.0, 0.0, false).into());
     world.step(&above(&world, 0.0, 0.0, true).into());
@@ -107,7 +103,7 @@ fn a_spring_pulls_half_way_and_keys_change_what_is_taken() {
 
 #[test]
 fn a_load_is_set_by_its_name_and_taken_back_by_a_reset() {
-    let mut world = loaded("load");
+    let mut world = loaded();
     world.step(&above(&world, 0.0, 1.0, false).into());
     let before = positions(&world);
     let (body, column) = world.load_named("b.press").unwrap();
@@ -124,7 +120,7 @@ fn a_load_is_set_by_its_name_and_taken_back_by_a_reset() {
 /// A block of rubber a metre high hangs aside under its weight, though no control element is turned.
 #[test]
 fn what_loads_bend_counts_as_bent() {
-    let mut world = loaded("bent");
+    let mut world = loaded();
     let turn = |world: &World| TurnLimits::of_body(&world.bodies[0]).0.to_degrees();
     world.step(&above(&world, 0.0, 1.0, false).into());
     let by_weight = turn(&world);
@@ -138,7 +134,7 @@ fn what_loads_bend_counts_as_bent() {
 /// Gravity stays downward in the room: a body that is turned by half a turn about its length sags the other way in its own frame.
 #[test]
 fn gravity_stays_in_the_room() {
-    let mut world = loaded("gravity");
+    let mut world = loaded();
     world.step(&above(&world, 0.0, 1.0, false).into());
     let c = world.bodies[0].deformer.state.coefficients.clone();
     let gravity = &c[24..27];
@@ -156,7 +152,7 @@ fn gravity_stays_in_the_room() {
 /// A feature that a scene does not list is in no field, tensor or frame.
 #[test]
 fn a_scene_without_loads_has_nothing_of_them() {
-    let world = world("unloaded");
+    let world = world();
     let body = &world.bodies[0];
     assert!(world.fields.touch.is_none() && world.taking().is_none() && world.taking_words().is_empty());
     assert!(world.fields.bodies[0].loads.is_none() && body.assets.takes_forces.is_empty());

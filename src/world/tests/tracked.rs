@@ -37,12 +37,11 @@ fn stamp(arrived_s: f64, measured_s: f64) -> Stamp {
 /// Sixty frames a second: a hand takes the block's end and swings it up and down by a tenth of its length; in the frames of
 /// `when`, `fault` makes the tracker's report. `keys` are the sensor's further keys.
 fn play(
-    name: &str,
     keys: &str,
     when: Range<usize>,
     fault: impl Fn(f64, &Isometry3<f64>, &mut DeviceState),
 ) -> Vec<Frame> {
-    let mut world = world(name);
+    let mut world = world();
     let text = crate::stage::BUILT_IN[0].1;
     let file = format!("{text}{}", KEYS.replace("id = 0\n", &format!("id = 0\n{keys}\n")));
     let tracking = Stage::parse(&file, Path::new("bench.toml")).unwrap().tracking;
@@ -113,8 +112,8 @@ fn off(a: &[Frame], b: &[Frame]) -> [f64; 2] {
     })
 }
 
-fn clean(name: &str) -> Vec<Frame> {
-    let frames = play(&format!("clean-{name}"), "", 0..0, |_, _, _| {});
+fn clean() -> Vec<Frame> {
+    let frames = play("", 0..0, |_, _, _| {});
     assert!(frames[PRESS + 1..].iter().all(|frame| frame.held));
     let reach = frames.iter().map(|frame| frame.pose.translation.norm()).fold(0.0, f64::max);
     assert!(reach > 0.2, "it is carried: {reach} m");
@@ -124,7 +123,7 @@ fn clean(name: &str) -> Vec<Frame> {
 
 #[test]
 fn a_tracker_that_dies_holds_and_then_lets_go() {
-    let frames = play("tracked-dies", "", 90..270, |_, _, _| {});
+    let frames = play("", 90..270, |_, _, _| {});
     goes_no_further_than(0.0075, &frames);
     let held = frames[89].pose.translation;
     for (i, frame) in frames.iter().enumerate().skip(90) {
@@ -137,8 +136,8 @@ fn a_tracker_that_dies_holds_and_then_lets_go() {
 
 #[test]
 fn a_tracker_that_is_back_in_time_glides_to_the_hand() {
-    let clean = clean("a_tracker_that_is_back_in_time_glides_to_the_hand");
-    let frames = play("tracked-back", "", 90..150, |_, _, _| {});
+    let clean = clean();
+    let frames = play("", 90..150, |_, _, _| {});
     assert!(frames[PRESS + 1..].iter().all(|frame| frame.held), "one second is held through");
     let [off_m, _] = off(&frames[165..], &clean[165..]);
     assert!(off_m < 1e-6, "a quarter of a second later it is where the hand is: {off_m} m off");
@@ -147,8 +146,8 @@ fn a_tracker_that_is_back_in_time_glides_to_the_hand() {
 
 #[test]
 fn a_flood_is_followed_by_its_newest_pose() {
-    let clean = clean("a_flood_is_followed_by_its_newest_pose");
-    let frames = play("tracked-flood", "", 90..150, |time_s, hand, device| {
+    let clean = clean();
+    let frames = play("", 90..150, |time_s, hand, device| {
         for i in 0..1000 {
             let arrived_s = time_s - 1e-5 * f64::from(999 - i);
             device.take_pose_at(stamp(arrived_s, 1000.0 + arrived_s), 0, *hand, 1.0);
@@ -161,9 +160,9 @@ fn a_flood_is_followed_by_its_newest_pose() {
 
 #[test]
 fn a_flood_with_filter_and_prediction_stays_near_the_hand() {
-    let clean = clean("a_flood_with_filter_and_prediction_stays_near_the_hand");
+    let clean = clean();
     let keys = "filter = { min_cutoff = 1.0, beta = 5.0 }\npredict = 0.03";
-    let frames = play("tracked-flood-filtered", keys, 90..150, |time_s, hand, device| {
+    let frames = play(keys, 90..150, |time_s, hand, device| {
         // All at one instant, and none of them quite where the hand is.
         for i in 0..200 {
             let mut pose = *hand;
@@ -179,8 +178,8 @@ fn a_flood_with_filter_and_prediction_stays_near_the_hand() {
 
 #[test]
 fn nonsense_holds_the_last_pose() {
-    let clean = clean("nonsense_holds_the_last_pose");
-    let frames = play("tracked-nan", "predict = 0.05", 90..150, |time_s, hand, device| {
+    let clean = clean();
+    let frames = play("predict = 0.05", 90..150, |time_s, hand, device| {
         let bad = [f64::NAN, f64::INFINITY, 1e300, -1e30];
         let bad = bad[(time_s * 60.0) as usize % bad.len()];
         let mut pose = *hand;
@@ -210,8 +209,8 @@ fn nonsense_holds_the_last_pose() {
 
 #[test]
 fn half_a_turn_in_single_frames_is_not_seen() {
-    let clean = clean("half_a_turn_in_single_frames_is_not_seen");
-    let frames = play("tracked-flips", "", 90..150, |time_s, hand, device| {
+    let clean = clean();
+    let frames = play("", 90..150, |time_s, hand, device| {
         let flip = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, std::f64::consts::PI, 0.0));
         let is_flipped = (time_s * 60.0).round() as i64 % 4 == 0;
         let pose =
@@ -225,8 +224,8 @@ fn half_a_turn_in_single_frames_is_not_seen() {
 
 #[test]
 fn half_a_turn_that_stays_is_glided_to_and_back() {
-    let clean = clean("half_a_turn_that_stays_is_glided_to_and_back");
-    let frames = play("tracked-turned", "", 90..150, |time_s, hand, device| {
+    let clean = clean();
+    let frames = play("", 90..150, |time_s, hand, device| {
         let flip = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, std::f64::consts::PI, 0.0));
         let pose = Isometry3::from_parts(hand.translation, flip * hand.rotation);
         device.take_pose_at(stamp(time_s, 1000.0 + time_s), 0, pose, 1.0);
@@ -239,13 +238,13 @@ fn half_a_turn_that_stays_is_glided_to_and_back() {
 
 #[test]
 fn stamps_that_go_back_or_far_ahead_change_nothing() {
-    let clean = clean("stamps_that_go_back_or_far_ahead_change_nothing");
-    for (name, measured_s) in [("tracked-past", -1.0), ("tracked-future", 1e7)] {
-        let frames = play(name, "predict = 0.02", 90..150, |time_s, hand, device| {
+    let clean = clean();
+    for measured_s in [-1.0, 1e7] {
+        let frames = play("predict = 0.02", 90..150, |time_s, hand, device| {
             device.take_pose_at(stamp(time_s, 1000.0 + measured_s * time_s), 0, *hand, 1.0);
         });
         let [off_m, turn] = off(&frames, &clean);
-        println!("{name}: {off_m:.4} m off, by prediction");
+        println!("{measured_s}: {off_m:.4} m off, by prediction");
         goes_no_further_than(0.03, &frames);
         assert!(off_m < 0.02 && turn < 1e-4, "{off_m} m, {turn} rad");
     }

@@ -1,13 +1,12 @@
 //! A slender bar that is twisted far beyond the twist at which it buckles: the model `rod` against a rod in space by shooting.
 
 use super::rod::curve;
-use crate::common::{folder, scene};
+use crate::common::scene;
 use greenstage::deform::{ControlPose, Deformer, find_model};
-use greenstage::green::{self, GreenFile};
+use greenstage::green;
 use greenstage::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 /// First root of tan x = x twice (Greenhill, Proc. Inst. Mech. Engrs. 34, 1883, 182-225): M L/EI at which a clamped rod buckles that is
 /// twisted without a force along it.
@@ -106,10 +105,8 @@ impl Bar {
              control.b = {{ nodes = {{ group = \"xmax\" }}, grab = \"dragger\" }}\n"
         ));
         let model = find_model("rod").unwrap();
-        let path = folder("writhing").join("b.green");
-        green::write(&path, &[green::precompute(&scene, "b", &model.with_energy(), &Silent).unwrap()])
-            .unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let made = green::precompute(&scene, "b", &model.with_energy(), &Silent).unwrap();
+        let file = green::opened(&[made]).unwrap();
         Bar { deformer: Deformer::new(file, "b", model).unwrap() }
     }
 

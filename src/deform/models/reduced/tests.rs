@@ -7,13 +7,11 @@ use crate::deform::{
 };
 use crate::fem::STVK;
 use crate::green::{
-    self, AFFINE, EQUILIBRIA, FIELDS, GreenFile, KnownEquilibrium, PathKind, REDUCED, REDUCED_NEO_HOOKEAN,
-    Requirements,
+    self, AFFINE, EQUILIBRIA, FIELDS, KnownEquilibrium, PathKind, REDUCED, REDUCED_NEO_HOOKEAN, Requirements,
 };
 use crate::scene::Scene;
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use std::path::Path;
-use std::sync::Arc;
 
 /// A bar of 6 : 1 : 1 between two faces, and a third held face at its side where `sides` says so.
 pub fn bar(sides: &str) -> Scene {
@@ -362,7 +360,6 @@ fn it_says_where_it_is_not_defined() {
 /// columns say; one element alone has no columns beyond the affine ones.
 #[test]
 fn the_file_holds_what_the_model_needs() {
-    let folder = tempfile::tempdir().unwrap();
     for (name, sides, storage) in [
         ("reduced", RIGHT, "f32"),
         ("reduced", RIGHT, "f16"),
@@ -375,10 +372,7 @@ fn the_file_holds_what_the_model_needs() {
         let (mut model, solution, centre) = made_as(&scene, name);
         let entry = find_model(name).unwrap();
         let body = green::precompute(&scene, "bar", &Requirements::new(entry.requirements), &Silent).unwrap();
-        let path = folder.path().join(format!("{name}-{}-{storage}.green", sides.len()));
-        green::write(&path, &[body]).unwrap();
-        let file = std::sync::Arc::new(GreenFile::open(&path).unwrap());
-        let mut deformer = Deformer::new(file, "bar", entry).unwrap();
+        let mut deformer = Deformer::new(green::opened(&[body]).unwrap(), "bar", entry).unwrap();
         let mut poses = poses([0.2, -0.1, 0.3], [0.5, -0.9, 0.4], &motion());
         poses.truncate(solution.controls.len());
         let state = model.state(&poses);
@@ -409,10 +403,7 @@ fn the_file_holds_what_the_model_needs() {
 fn known_equilibria_balance_and_tell_how_far_the_model_holds() {
     let (scene, model) = (bar(RIGHT), find_model("reduced_neo_hookean").unwrap());
     let made = green::precompute(&scene, "bar", &model.with_energy(), &Silent).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("bar.green");
-    green::write(&path, &[made]).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let file = green::opened(&[made]).unwrap();
     let table = file.table("bar", EQUILIBRIA).unwrap();
     let all: Vec<_> =
         table.column_iter().map(|own| KnownEquilibrium::read(own.as_slice()).unwrap()).collect();
@@ -443,12 +434,9 @@ fn known_equilibria_balance_and_tell_how_far_the_model_holds() {
 #[test]
 fn no_reach_is_told_of_a_model_without_forces() {
     let (scene, model) = (bar(RIGHT), find_model("perturbation").unwrap());
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("bar.green");
     let reach = |requirements: &Requirements| {
         let made = green::precompute(&scene, "bar", requirements, &Silent).unwrap();
-        green::write(&path, &[made]).unwrap();
-        let file = Arc::new(GreenFile::open(&path).unwrap());
+        let file = green::opened(&[made]).unwrap();
         assert!(file.table("bar", EQUILIBRIA).is_some());
         ModelReach::measure(&file, "bar", model).unwrap()
     };

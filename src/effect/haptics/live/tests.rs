@@ -1,9 +1,9 @@
 //! Hands that feel what they hold: through a simulated device, VRPN, and Haply's service, over the loopback interface.
 
 use super::*;
-use crate::effect::Resolved;
 use crate::effect::haptics::grasp::device_from_handle;
 use crate::effect::haptics::thread::running;
+use crate::effect::{self, Resolved};
 use crate::green::GreenFile;
 use crate::interact::{Action, Axis, Freedom};
 use crate::session::trackers;
@@ -12,7 +12,6 @@ use crate::track::device::{DeviceState, Link as Line, Source, now_s};
 use crate::track::vrpn::Server;
 use crate::track::{Signal, StylusState};
 use crate::world::Highlight;
-use crate::{effect, green, prepare};
 use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
 use std::cell::RefCell;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -35,10 +34,7 @@ fn session(effects: &str, device: &str) -> (Resolved, Arc<GreenFile>, World) {
          [body.block.control.end]\nnodes = {{ group = \"xmax\" }}\ngrab = \"dragger\"\n"
     );
     let scene = Resolved::parse(&text, Path::new("scene.toml")).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.green");
-    green::write(&path, &prepare::precompute(&scene, true).unwrap()).unwrap();
-    let file = Arc::new(GreenFile::open(&path).unwrap());
+    let file = effect::file_of(&scene).unwrap();
     let stage = Stage::parse(&format!("{}\n{device}", BUILT_IN[0].1), Path::new("stage.toml")).unwrap();
     let world = World::new(&scene, &scene.models(), &file, stage).unwrap();
     (scene, file, world)

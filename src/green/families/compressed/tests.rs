@@ -21,14 +21,11 @@ fn text(size: &str, cells: &str, compliance: &str) -> String {
 }
 
 /// The file of a body, in memory alone.
-fn made(size: &str, cells: &str, compliance: &str, family: Family) -> GreenFile {
+fn made(size: &str, cells: &str, compliance: &str, family: Family) -> Arc<GreenFile> {
     let scene = Scene::parse(&text(size, cells, compliance), Path::new("any.toml")).unwrap();
     let required = Requirements::new(&[AFFINE, family]);
     let made = green::precompute(&scene, "a", &required, &Silent).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.green");
-    green::write(&path, &[made]).unwrap();
-    GreenFile::open(&path).unwrap()
+    green::opened(&[made]).unwrap()
 }
 
 fn bytes_of(file: &GreenFile) -> usize {
@@ -124,7 +121,7 @@ fn the_same_scene_gives_the_same_bytes_on_any_number_of_threads() {
 }
 
 static SOUND: LazyLock<Arc<GreenFile>> = LazyLock::new(|| {
-    Arc::new(made("[3, 1, 1]", "[9, 3, 3]", "nodes = \"surface\", kept = { error = 1e-2 }", COMPRESSED))
+    made("[3, 1, 1]", "[9, 3, 3]", "nodes = \"surface\", kept = { error = 1e-2 }", COMPRESSED)
 });
 
 /// The file with other bytes in one of its tensors, and the hashes of these.

@@ -8,7 +8,7 @@ use crate::session::keys;
 fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
     let mut halfway = Vec::new();
     for rate in [7.0, 30.0, 144.0] {
-        let mut world = world(&format!("snap-{rate}"), "");
+        let mut world = world("");
         carry_right(&mut world, 1.0, [0.1, 0.2, 0.0], [4.0, 0.0, 0.0]);
         world.carry_out(Action::SnapBack);
         let mut time_s = 1.0;
@@ -36,7 +36,7 @@ fn snapping_back_ends_exactly_at_rest_at_any_frame_rate() {
 
 #[test]
 fn a_new_grab_ends_the_way_back() {
-    let mut world = world("snap-grab", "");
+    let mut world = world("");
     carry_right(&mut world, 1.0, [0.0, 0.1, 0.0], [0.0; 3]);
     world.carry_out(Action::SnapBack);
     let start = right([0.0; 3], [0.0; 3]);
@@ -51,7 +51,7 @@ fn a_new_grab_ends_the_way_back() {
 /// Once Backspace after Ctrl+Z and Ctrl+Y did nothing: Ctrl was still down.
 #[test]
 fn snapping_back_acts_after_undo_and_redo_with_ctrl_still_down_and_on_its_own_way() {
-    let mut world = world("snap-keys", "");
+    let mut world = world("");
     let press = |world: &mut World, time_s: f64, key: Key, control: bool| {
         let action = keys::action(key, control, world);
         action.into_iter().for_each(|action| world.carry_out(action));
