@@ -189,7 +189,7 @@ fn strokes_are_undone_and_done_again() {
 #[test]
 fn a_cut_is_undone_in_the_next_world_and_gone_after_a_reset() {
     let scene = scene(BOTH, "model = \"rotation\"").unwrap();
-    let file = file(&scene);
+    let file = file_of(&scene).unwrap();
     let mut first = Operated::new(&scene, &file);
     let away = V3::new(0.3, 0.2, -0.1);
     let whole = first.nodes();

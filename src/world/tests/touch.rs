@@ -63,7 +63,7 @@ fn a_held_point_follows_the_hand_and_goes_back() {
 /// A recording may be damaged: a touch of a body or node that is not there is refused.
 #[test]
 fn a_touch_of_what_is_not_there_is_refused() {
-    let mut world = loaded("damaged");
+    let mut world = loaded();
     world.carry_out(Action::SetTaking(SurfaceGrip::Force));
     world.step(&above(&world, 0.0, 0.0, false).into());
     world.step(&above(&world, 0.0, 0.0, true).into());
@@ -76,10 +76,10 @@ fn a_touch_of_what_is_not_there_is_refused() {
     at_no_node.nodes[2] = 99_999;
     for damaged in [of_no_body, at_no_node] {
         let text = state.replace(&known, &serde_json::to_string(&damaged).unwrap());
-        let refused = loaded("damaged").set_state(&serde_json::from_str(&text).unwrap());
+        let refused = loaded().set_state(&serde_json::from_str(&text).unwrap());
         assert_eq!(refused, Err("it touches a surface that is not there".to_owned()));
     }
-    assert_eq!(loaded("damaged").set_state(&serde_json::from_str(&state).unwrap()), Ok(()));
+    assert_eq!(loaded().set_state(&serde_json::from_str(&state).unwrap()), Ok(()));
 }
 
 /// A spring as stiff as the point itself brings it half way; a control element is taken before the surface behind it.
