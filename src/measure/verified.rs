@@ -218,7 +218,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = bar(folder.path(), keys);
         // Too large for a finer reference, and no error of the mesh: what is left is the model's.
-        let error = Errors { discretisation: Some(Spread::default()), ..Errors::default() };
+        let exact = Some(Spread::default());
+        let error = Errors { discretisation: exact, mesh_held: exact, ..Errors::default() };
         let row = Measurement { mesh_nodes: 1_000_000, error, ..Measurement::default() };
         let origins = [Vector3::new(2.5, -2.0, 5.0), Vector3::new(3.5, -2.0, 5.0)];
         verify(&scene, "b", &row, &random(&origins, &[angle], 0.0, 1)).unwrap().unwrap()

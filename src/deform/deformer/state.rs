@@ -238,7 +238,10 @@ impl Deformer {
     pub fn restore(&mut self, from: &DeformerState) -> Result<(), String> {
         let shape = |state: &BodyState| (state.coefficients.len(), state.parts.len());
         let lists = [from.poses.len(), from.turns.len(), from.slopes.len()];
+        let is_there =
+            |point: &PointLoad| point.nodes.iter().all(|node| (*node as usize) < self.node_count());
         if lists != [self.controls.len(); 3]
+            || !from.loads.points.iter().all(is_there)
             || shape(&from.state) != shape(&self.state)
             || shape(&from.summed) != shape(&self.summed)
         {
