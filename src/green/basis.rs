@@ -231,19 +231,9 @@ fn solve_kept(
         Some(factor) => factor.solve(b, progress).map(|(x, _)| x).map_err(failed),
         None => Ok(NodeFields::zeros(b.nodes, b.columns)),
     };
-    let (k, partition, factor) = (&k, &partition, factor.as_deref());
-    let assembled = Assembled {
-        place: &place,
-        scene,
-        name,
-        body,
-        lame: &lame,
-        k,
-        partition,
-        factor,
-        cached_after,
-        solve: &solve,
-    };
+    let (place, lame, k, partition, factor) = (&*place, &*lame, &k, &partition, factor.as_deref());
+    let assembled =
+        Assembled { place, scene, name, body, lame, k, partition, factor, cached_after, solve: &solve };
     add_families(&families, further, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;

@@ -129,7 +129,7 @@ pub fn judged(
         let rounded = stored(&candidate.solution, storage);
         let mut worst = [0.0_f64; 2];
         for (pose, truth) in poses {
-            let found = of.against(model, &rounded, pose, truth)?;
+            let found = of.against(row.setting.model, &rounded, pose, truth)?;
             worst = [0, 1].map(|i| worst[i].max(found[i]));
         }
         Some(worst)

@@ -299,14 +299,14 @@ fn remedy(rows: &[Measurement], own: usize) -> String {
         );
     };
     if i == own {
-        return format!("Nothing cheaper that was measured keeps both within 5 %.");
+        return "Nothing cheaper that was measured keeps both within 5 %.".to_owned();
     }
     let (other, time) = (&rows[i], rows[i].cost.frame_p50_s);
     if rows[own].can_be_chosen() && is_good(&rows[own]) {
         if time < rows[own].cost.frame_p50_s {
             return format!("{} keeps both within 5 % too, and is cheaper.", price(other));
         }
-        return format!("Nothing faster that was measured keeps both within 5 %.");
+        return "Nothing faster that was measured keeps both within 5 %.".to_owned();
     }
     format!("{} brings both within 5 %: {}.", price(other), errors(other))
 }

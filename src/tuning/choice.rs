@@ -111,7 +111,7 @@ pub fn choose_among<'a>(
     let fastest = |of: &[&'a Measurement]| least(of, time, SAME_TIME);
     let best = match demand {
         AccuracyTarget::Accuracy(_) => fastest(&met).map(|first| undominated(first, &met)),
-        AccuracyTarget::Budget(_) => least(&met, error, SAME_ERROR),
+        AccuracyTarget::Budget(_) => least(&met, Measurement::shape, SAME_ERROR),
     };
     let row = best.or_else(|| least(&candidates, |row| miss(row, demand), SAME_ERROR))?;
     let better: Vec<&Measurement> =

@@ -343,7 +343,7 @@ fn the_csv_has_a_line_a_row_and_every_number_of_it() {
         assert_eq!(number("frame_p50_s"), Some(row.cost.frame_p50_s));
         assert_eq!(number("storage_median_relative"), row.error.storage.map(|part| part.median));
         assert_eq!(number("displacement_worst_m"), Some(row.error.displacement_m.worst));
-        assert_eq!(number("torque_median_relative"), row.error.torque.map(|torque| torque.median));
+        assert_eq!(number("torque_median_relative"), Some(row.error.torque.median));
     }
 }
 

@@ -142,11 +142,11 @@ fn row(
             total: spread(total),
             uncancelled: spread(total),
             displacement_m: spread(0.05 * total),
-            force: Some(spread(1.6 * parts[0])),
-            torque: (e > 0).then(|| spread(1.9 * parts[0])),
+            force: spread(1.6 * parts[0]),
+            torque: spread(1.9 * parts[0]),
             mesh_held: Some(spread(1.7 * parts[0])),
-            model_held: Some(spread(1.4 * parts[3])),
-            uncancelled_held: Some(spread(1.9 * parts[0])),
+            model_held: spread(1.4 * parts[3]),
+            uncancelled_held: spread(1.9 * parts[0]),
         },
     }
 }

@@ -111,7 +111,7 @@ impl Quantity {
         let (Some(&first), Some(&last)) = (rungs.first(), rungs.last()) else { return String::new() };
         let (cheap, best) = (&rows[first], &rows[last]);
         let front = pareto::front_of(rows.iter(), |row| self.place(row));
-        let outside = pareto::outside(&rows, &front, |row| self.place(row));
+        let outside = pareto::outside(&rows.iter().collect::<Vec<_>>(), &front, |row| self.place(row));
         let end = |row: &Measurement| {
             let (time, error) = (seconds(row.cost.frame_p50_s), relative(self.median(row)));
             format!("{} ({time}, {error})", row.setting)
