@@ -48,7 +48,7 @@ pub struct Assembled<'a> {
     pub partition: &'a Partition,
     /// The factor of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
     pub factor: Option<&'a dyn Factor>,
-    /// As of [`Keeping`](super::kept::Keeping).
+    /// Time after which equilibria are kept ([`Keeping`](super::kept::Keeping)).
     pub cached_after: Option<Duration>,
     /// Solves A x = b at the free nodes by it.
     pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,

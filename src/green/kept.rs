@@ -12,7 +12,7 @@ use std::cell::{Cell, OnceCell};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-/// What a run keeps for those after it.
+/// Results that a run keeps for those after it.
 #[derive(Clone, Copy, Default)]
 pub struct Keeping<'a> {
     /// Finished columns, until the .green file is there.

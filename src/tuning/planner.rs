@@ -2,7 +2,7 @@
 //! when the accuracy or the budget changes.
 
 use super::choice::{Choice, choose, choose_among, name as title};
-use super::poses::scripted_or_random;
+use super::poses::{further, scripted_or_random};
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
 use crate::base::machine;
@@ -172,9 +172,7 @@ fn with_setting(plain: &Scene, name: &str, setting: &Setting) -> Result<Resolved
 /// Poses by which nothing was chosen: those that turn and move the furthest among more moments of the script, or other random
 /// ones.
 fn further_poses(scene: &Resolved, name: &str) -> Result<Vec<(String, ControlPoses)>, Failure> {
-    let (mut poses, _) = scripted_or_random(scene, name, None, false)?;
-    let (known, _) = scripted_or_random(scene, name, None, true)?;
-    poses.retain(|(_, pose)| known.iter().all(|(_, other)| other != pose));
+    let mut poses = further(scene, name)?;
     let way = |pose: &ControlPoses| pose.iter().map(|pose| pose.translation.norm()).fold(0.0, f64::max);
     poses.sort_by(|a, b| {
         largest_turn(&b.1).total_cmp(&largest_turn(&a.1)).then(way(&b.1).total_cmp(&way(&a.1)))

@@ -33,36 +33,59 @@ pub fn scripted_or_random(
     seed: Option<u64>,
     quick: bool,
 ) -> Result<NamedPoses, Failure> {
-    if let (None, Some(script)) = (seed, open::script(scene, None)?) {
-        let count = SCRIPT_POSES;
-        let file = green::opened(&prepare::precompute(scene, true)?)?;
-        let world = World::new(scene, &scene.models(), &file, open::stage(scene, None)?)?;
-        let duration_s = script.duration_s;
-        let mut session = Session::new(world, Some(script));
-        let mut playback = Playback::new(&session, count)?;
-        let mut taken: Vec<(String, ControlPoses)> = Vec::new();
-        for frame in 0..count {
-            playback.step_to(&mut session, frame)?;
-            let of_body = session.world.bodies.iter().find(|body| body.deformer.body == name);
-            let Some(poses) = of_body.map(|body| body.deformer.poses.clone()) else { continue };
-            let is_rest = poses.iter().all(|pose| *pose == ControlPose::REST);
-            if !is_rest && taken.iter().all(|(_, other)| *other != poses) {
-                let time_s = duration_s * frame as f64 / (count - 1) as f64;
-                taken.push((format!("{time_s:.2} s"), poses));
-            }
+    let mut taken = if seed.is_none() { scripted(scene, name)? } else { Vec::new() };
+    if taken.is_empty() {
+        return drawn(scene, name, seed.unwrap_or(SEED), quick);
+    }
+    if quick {
+        keep_hardest(&mut taken, extent(&green::prepare(scene, name)?.mesh));
+    }
+    let which = if quick { ", of which the hardest is kept, and some others" } else { "" };
+    Ok((taken, format!("{SCRIPT_POSES} moments of the scene's script, those at rest left out{which}")))
+}
+
+/// The poses that are not among those taken where time is short: more moments of the script, or other random poses.
+pub fn further(scene: &Resolved, name: &str) -> Result<Vec<(String, ControlPoses)>, Failure> {
+    let mut all = scripted(scene, name)?;
+    let known = match all.is_empty() {
+        true => {
+            all = drawn(scene, name, SEED, false)?.0;
+            drawn(scene, name, SEED, true)?.0
         }
-        if quick {
-            keep_hardest(&mut taken, extent(&green::prepare(scene, name)?.mesh));
+        false => {
+            let mut known = all.clone();
+            keep_hardest(&mut known, extent(&green::prepare(scene, name)?.mesh));
+            known
         }
-        if !taken.is_empty() {
-            let which = if quick { ", of which the hardest is kept, and some others" } else { "" };
-            return Ok((
-                taken,
-                format!("{count} moments of the scene's script, those at rest left out{which}"),
-            ));
+    };
+    all.retain(|(_, pose)| known.iter().all(|(_, other)| other != pose));
+    Ok(all)
+}
+
+/// Moments of the scene's script but for those at rest; none without a script.
+fn scripted(scene: &Resolved, name: &str) -> Result<Vec<(String, ControlPoses)>, Failure> {
+    let mut taken: Vec<(String, ControlPoses)> = Vec::new();
+    let Some(script) = open::script(scene, None)? else { return Ok(taken) };
+    let file = green::opened(&prepare::precompute(scene, true)?)?;
+    let world = World::new(scene, &scene.models(), &file, open::stage(scene, None)?)?;
+    let duration_s = script.duration_s;
+    let mut session = Session::new(world, Some(script));
+    let mut playback = Playback::new(&session, SCRIPT_POSES)?;
+    for frame in 0..SCRIPT_POSES {
+        playback.step_to(&mut session, frame)?;
+        let of_body = session.world.bodies.iter().find(|body| body.deformer.body == name);
+        let Some(poses) = of_body.map(|body| body.deformer.poses.clone()) else { continue };
+        let is_rest = poses.iter().all(|pose| *pose == ControlPose::REST);
+        if !is_rest && taken.iter().all(|(_, other)| *other != poses) {
+            let time_s = duration_s * frame as f64 / (SCRIPT_POSES - 1) as f64;
+            taken.push((format!("{time_s:.2} s"), poses));
         }
     }
-    let seed = seed.unwrap_or(SEED);
+    Ok(taken)
+}
+
+/// Random poses.
+fn drawn(scene: &Resolved, name: &str, seed: u64, quick: bool) -> Result<NamedPoses, Failure> {
     let mut plain = Scene::clone(scene);
     (plain.body[name].element, plain.body[name].solver) = (&TET4, Solver::default());
     let prepared = green::prepare(&plain, name)?;

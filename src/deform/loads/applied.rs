@@ -41,6 +41,11 @@ pub struct PointLoad {
 }
 
 impl PointLoad {
+    /// Nodes that have a share in it, with that share.
+    pub fn corners(&self) -> impl Iterator<Item = (u32, f64)> + use<> {
+        self.nodes.into_iter().zip(self.weights).filter(|(_, w)| *w != 0.0)
+    }
+
     pub fn is_finite(&self) -> bool {
         let pull = match self.pull {
             Pull::Force(force) => force.iter().all(|x| x.is_finite()),
@@ -81,8 +86,7 @@ const RIDGE: f64 = 1e-9;
 
 /// One point in the frame of the columns.
 pub struct Point {
-    nodes: [u32; 3],
-    weights: [f64; 3],
+    load: PointLoad,
     /// Place at rest, and with the displacements of all columns.
     pub rest: V3,
     pub now: V3,
@@ -153,7 +157,7 @@ impl PointForces {
 
     /// Finds the columns of nodes that are touched now, and drops those of others.
     pub fn touch(&mut self, points: &[PointLoad]) {
-        let now: BTreeSet<u32> = points.iter().flat_map(corners).map(|(node, _)| node).collect();
+        let now: BTreeSet<u32> = points.iter().flat_map(PointLoad::corners).map(|(node, _)| node).collect();
         self.touched.retain(|node, _| now.contains(node));
         self.awaited.clear();
         let missing = now.into_iter().filter(|node| !self.touched.contains_key(node));
@@ -190,7 +194,7 @@ impl PointForces {
         let (rest, nodes) = (file.rest(body), file.rest(body).len());
         let groups = file.groups(body);
         let place: V3 =
-            corners(point).map(|(node, w)| Vector3::from(rest[node as usize]).cast::<f64>() * w).sum();
+            point.corners().map(|(node, w)| Vector3::from(rest[node as usize]).cast::<f64>() * w).sum();
         // The affine groups stand first, those of loads behind all that models have.
         let width = |group: &ColumnGroup<'_>| group.columns(nodes).unwrap_or(0);
         let starts =
@@ -204,7 +208,7 @@ impl PointForces {
             };
             let Some((matrix, first)) = target else { continue };
             for k in 0..width(group) {
-                for (node, w) in corners(point) {
+                for (node, w) in point.corners() {
                     for axis in 0..3 {
                         let value = group.value(nodes, k, 3 * node as usize + axis);
                         matrix[(axis, first + k)] += w * f64::from(value);
@@ -213,23 +217,16 @@ impl PointForces {
             }
         }
         let moved = &affine * c + &loads * lambda;
-        Point {
-            nodes: point.nodes,
-            weights: point.weights,
-            rest: place,
-            now: place + V3::new(moved[0], moved[1], moved[2]),
-            affine,
-            loads,
-        }
+        Point { load: *point, rest: place, now: place + V3::new(moved[0], moved[1], moved[2]), affine, loads }
     }
 
     /// C_ab: what a force at point `b` does at point `a`.
     fn between(&self, a: &Point, b: &Point) -> Matrix3<f64> {
         let mut all = Matrix3::zeros();
-        for (from, w) in b.nodes.iter().zip(b.weights).filter(|(_, w)| *w != 0.0) {
-            let Some(column) = self.touched.get(from) else { continue };
-            for (to, v) in a.nodes.iter().zip(a.weights).filter(|(_, v)| *v != 0.0) {
-                let block = &column[*to as usize];
+        for (from, w) in b.load.corners() {
+            let Some(column) = self.touched.get(&from) else { continue };
+            for (to, v) in a.load.corners() {
+                let block = &column[to as usize];
                 all += Matrix3::from_fn(|axis, force| f64::from(block[axis][force])) * (v * w);
             }
         }
@@ -282,7 +279,8 @@ impl PointForces {
     /// Places of all points under these forces, in the frame of the columns.
     pub fn ends(&self, points: &[Point], forces: &[V3]) -> Vec<V3> {
         let at_nodes = gathered(points, forces);
-        let mut nodes: Vec<u32> = points.iter().flat_map(Point::corners).map(|(node, _)| node).collect();
+        let mut nodes: Vec<u32> =
+            points.iter().flat_map(|point| point.load.corners()).map(|(node, _)| node).collect();
         nodes.sort_unstable();
         nodes.dedup();
         let mut moved = vec![V3::zeros(); nodes.len()];
@@ -294,7 +292,7 @@ impl PointForces {
             }
         }
         let by = |node: u32| nodes.binary_search(&node).map_or_else(|_none| V3::zeros(), |at| moved[at]);
-        let of = |a: &Point| a.now + a.corners().map(|(node, w)| by(node) * w).sum::<V3>();
+        let of = |a: &Point| a.now + a.load.corners().map(|(node, w)| by(node) * w).sum::<V3>();
         points.iter().map(of).collect()
     }
 
@@ -319,18 +317,11 @@ impl PointForces {
     }
 }
 
-impl Point {
-    /// Nodes that have a share in it, with that share.
-    fn corners(&self) -> impl Iterator<Item = (u32, f64)> + use<> {
-        self.nodes.into_iter().zip(self.weights).filter(|(_, w)| *w != 0.0)
-    }
-}
-
 /// Forces at single nodes, in their order, for forces at points.
 fn gathered(points: &[Point], forces: &[V3]) -> Vec<(u32, V3)> {
     let mut at_nodes: BTreeMap<u32, V3> = BTreeMap::new();
     for (point, force) in points.iter().zip(forces) {
-        for (node, w) in point.corners() {
+        for (node, w) in point.load.corners() {
             *at_nodes.entry(node).or_default() += force * w;
         }
     }
@@ -343,11 +334,6 @@ fn product(block: &[[f32; 3]; 3], force: &V3) -> V3 {
         f64::from(row[0]) * force.x + f64::from(row[1]) * force.y + f64::from(row[2]) * force.z
     };
     V3::new(row(&block[0]), row(&block[1]), row(&block[2]))
-}
-
-/// Nodes of a point that have a share in it, with that share.
-fn corners(point: &PointLoad) -> impl Iterator<Item = (u32, f64)> + use<> {
-    point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0)
 }
 
 /// Loads and forces on a body beside its control elements.
@@ -368,7 +354,7 @@ impl StaticForces {
         let mut at_nodes = Vec::new();
         for point in &loads.points {
             let Pull::Force(force) = point.pull else { return None };
-            for (node, weight) in point.nodes.into_iter().zip(point.weights).filter(|(_, w)| *w != 0.0) {
+            for (node, weight) in point.corners() {
                 at_nodes.push((node_of(node)?, force * weight));
             }
         }

@@ -92,7 +92,7 @@ pub struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// What was found on the path of this number; `None` where it was not walked yet.
+    /// Equilibria that were found on the path of this number; `None` where it was not walked yet.
     pub fn on(&self, path: usize) -> Option<Vec<Found>> {
         let bytes = self.journal.as_ref()?.find(&key_of(path))?;
         let numbers: Vec<f64> = bytes
@@ -104,7 +104,7 @@ impl Known<'_> {
         found.map(|one| Found::read(one).filter(|one| one.u.nodes == self.nodes)).collect()
     }
 
-    /// Keeps what was found on a path.
+    /// Keeps the equilibria on a path.
     pub fn keep(&self, path: usize, found: &[Found]) {
         let Some(journal) = self.journal.as_ref().filter(|journal| journal.is_kept()) else { return };
         let numbers: Vec<Vec<f64>> = found.iter().map(Found::numbers).collect();
