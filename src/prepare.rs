@@ -11,7 +11,7 @@ use crate::base::signal::{OnEnd, on_end};
 use crate::effect;
 pub use crate::effect::Resolved;
 use crate::green::{
-    self, Changes, GreenError, GreenFile, Journal, KEPT_AFTER, Keeping, Precomputed, Requirements,
+    self, Caching, Changes, GreenError, GreenFile, Journal, KEPT_AFTER, Keeping, Precomputed, Requirements,
 };
 use crate::mesh::formats::files_of;
 use crate::scene::{Body, Scene};
@@ -94,7 +94,7 @@ pub fn precompute(scene: &Resolved, quiet: bool) -> Result<Vec<Precomputed>, Fai
 
 /// Precomputes every body and writes the .green file, whose size it returns with the time of writing, s. A run that is ended
 /// leaves what it has finished in a journal, which the next one takes up, and removes when the file is there. Equilibria stay in the
-/// cache folder, and are taken from there unless `is_anew`.
+/// cache folder; with `is_anew` those that are there are replaced.
 pub fn make(
     scene: &Resolved,
     path: &Path,
@@ -111,7 +111,7 @@ pub fn make(
     };
     let journal = Journal::new(path, kept_after, &identity);
     let unwritten = unwritten(path);
-    let keeping = Keeping { journal: Some(&journal), cached_after: (!is_anew).then_some(kept_after) };
+    let keeping = Keeping { journal: Some(&journal), caching: Some(Caching { kept_after, is_anew }) };
     let bodies = precompute_telling(scene, keeping, teller)?;
     drop(unwritten);
     let writing = Instant::now();
@@ -226,7 +226,10 @@ fn changed_base(
         match known.iter().find(|file| holds(file, body)) {
             Some(file) => kept.push((file.as_ref(), *name)),
             None => {
-                let keeping = Keeping { journal: None, cached_after: Some(KEPT_AFTER) };
+                let keeping = Keeping {
+                    journal: None,
+                    caching: Some(Caching { kept_after: KEPT_AFTER, is_anew: false }),
+                };
                 let precomputed = effect::precompute(scene, name, required, keeping, progress)?;
                 diagnostic::report("", &precomputed.solution.notices);
                 made.push(precomputed);

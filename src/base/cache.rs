@@ -39,13 +39,12 @@ fn is_ours(folder: &Path) -> bool {
     made.is_ok() && owned && tempfile::tempfile_in(folder).is_ok()
 }
 
-/// Size and time of the program's own file, which differ between two builds: results of one are nothing to another.
-pub fn program() -> String {
-    let file = std::env::current_exe().and_then(|path| path.metadata());
-    file.map_or_else(
-        |_| String::new(),
-        |file| format!("{} {} {}", file.len(), file.mtime(), file.mtime_nsec()),
-    )
+/// Version, size, time and number of the file of the running program, even where another has taken its place: they differ between two
+/// builds, and results of one are nothing to another. `None` where the system does not tell.
+pub fn program() -> Option<String> {
+    let file = std::fs::metadata("/proc/self/exe").or_else(|_| std::env::current_exe()?.metadata()).ok()?;
+    let [seconds, nanoseconds] = [file.mtime(), file.mtime_nsec()];
+    Some(format!("{} {} {seconds} {nanoseconds} {}", env!("CARGO_PKG_VERSION"), file.len(), file.ino()))
 }
 
 /// Removes files whose names begin with `prefix`, but for `used`, from the one on that was not used for longest, until all of them

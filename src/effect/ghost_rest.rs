@@ -3,7 +3,7 @@
 use super::entry::{EffectEntry, EffectInput};
 use crate::deform::{ControlPose, Deformer, vertex_normals};
 use crate::render::{Drawable, Ghost, GhostShape, Line};
-use crate::world::{Frame, RunningEffect, World};
+use crate::world::{Frame, PlacedBody, RunningEffect, World};
 use nalgebra::{Matrix4, Point3, Vector3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -30,6 +30,10 @@ pub(super) struct GhostSurface {
 
 /// Largest cosine between the normals of two triangles at a sharp edge: they differ by more than 40°.
 const SHARP: f64 = 0.766;
+/// A displacement is seen from this part of the body's radius on.
+const SEEN: f64 = 1e-3;
+/// Nodes that are looked at on a surface that the graphics device sums.
+const SAMPLE: usize = 256;
 /// Largest number of edges that are drawn: more would hide what they show.
 const MOST_EDGES: usize = 4000;
 
@@ -49,7 +53,7 @@ impl RunningEffect for RestGhosts {
         for (b, shape) in &self.bodies {
             let body = &world.bodies[*b];
             let is_posed = body.deformer.poses.iter().any(|pose| *pose != ControlPose::REST);
-            if is_posed || body.deformer.state.coefficients.iter().any(|c| *c != 0.0) {
+            if is_posed || is_moved(body) {
                 let room_from_shape = body.room_from_body.to_homogeneous().cast();
                 let edges = shape.lines(&room_from_shape, COLOR, false).collect();
                 let shape = shape.shape.clone();
@@ -58,6 +62,20 @@ impl RunningEffect for RestGhosts {
             }
         }
     }
+}
+
+/// Whether a node of a body whose elements rest is shown away from its rest, as by loads and tools; on a surface that the graphics device
+/// sums, some nodes are looked at.
+fn is_moved(body: &PlacedBody) -> bool {
+    let deformer = &body.deformer;
+    let least = SEEN * body.assets.ball.1;
+    let apart = |node: u32, place: Vector3<f64>| {
+        (place - Vector3::from(deformer.rest()[node as usize]).cast::<f64>()).norm() > least
+    };
+    let nodes = 0..deformer.node_count() as u32;
+    let step = if deformer.is_partial() { nodes.len().div_ceil(SAMPLE) } else { 1 };
+    let nodes = nodes.step_by(step.max(1));
+    deformer.places_in_state(nodes.clone()).into_iter().zip(nodes).any(|(place, node)| apart(node, place))
 }
 
 impl GhostSurface {

@@ -7,7 +7,7 @@ use super::error::GreenError;
 use super::families::{AFFINE, FAMILIES, KEPT_FACTOR};
 use super::family::{Assembled, FamilyEntry, Further};
 use super::judge::judge;
-use super::kept::{Keep, Keeping, KeptSolves};
+use super::kept::{Caching, Keep, Keeping, KeptSolves};
 use super::prepare::{Fits, Prepared};
 use super::requirements::Requirements;
 use super::rigid::RigidMotion;
@@ -22,7 +22,7 @@ use crate::solve::{
 };
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Precomputes body `name` of the scene.
 pub fn precompute(
@@ -53,7 +53,7 @@ pub fn precompute_kept(
         refuse(scene, &prepared.findings)?;
         return Err(scene.invalid(&format!("body.{name}.model"), why).into());
     }
-    let kept = (keep, keeping.cached_after);
+    let kept = (keep, keeping.caching);
     let mut solution = solve_kept(scene, name, prepared, requirements, (further, kept), progress)?;
     solution.times.mesh_s += mesh_s;
     Ok(Precomputed {
@@ -138,7 +138,7 @@ fn solve_kept(
     name: &str,
     prepared: Prepared,
     requirements: &Requirements,
-    (further, (keep, cached_after)): (Option<Further<'_>>, (Option<Keep<'_>>, Option<Duration>)),
+    (further, (keep, caching)): (Option<Further<'_>>, (Option<Keep<'_>>, Option<Caching>)),
     progress: &dyn Progress,
 ) -> Result<Solution, GreenError> {
     let body = &scene.body[name];
@@ -233,7 +233,7 @@ fn solve_kept(
     };
     let (place, lame, k, partition, factor) = (&*place, &*lame, &k, &partition, factor.as_deref());
     let assembled =
-        Assembled { place, scene, name, body, lame, k, partition, factor, cached_after, solve: &solve };
+        Assembled { place, scene, name, body, lame, k, partition, factor, caching, solve: &solve };
     add_families(&families, further, &assembled, &mut solution, progress)?;
     if columns > 0 {
         let Solution { mesh, controls, fields, .. } = &solution;

@@ -3,6 +3,7 @@
 use super::bytes::Tensor;
 use super::error::GreenError;
 use super::file::{BodyMeta, GreenFile};
+use super::kept::Caching;
 use super::prepare::Prepared;
 use super::requirements::Family;
 use super::solution::{Precomputed, Solution};
@@ -10,7 +11,6 @@ use crate::base::columns::ColumnGroup;
 use crate::fem::{Lame, NodeFields, Partition, StiffnessMatrix};
 use crate::scene::{Body, Scene};
 use crate::solve::{Factor, Progress};
-use std::time::Duration;
 
 /// One column.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,8 +48,7 @@ pub struct Assembled<'a> {
     pub partition: &'a Partition,
     /// The factor of A, for a family with [`FamilyEntry::solves`]; `None` where nothing is free.
     pub factor: Option<&'a dyn Factor>,
-    /// Time after which equilibria are kept ([`Keeping`](super::kept::Keeping)).
-    pub cached_after: Option<Duration>,
+    pub caching: Option<Caching>,
     /// Solves A x = b at the free nodes by it.
     pub solve: &'a dyn Fn(&NodeFields, &dyn Progress) -> Result<NodeFields, GreenError>,
 }

@@ -114,6 +114,11 @@ impl<'a> Journal<'a> {
         matches!(&*self.state(), State::Open(records) if !records.contents.is_empty())
     }
 
+    /// Whether there is a content under this key.
+    pub fn has(&self, key: &Key) -> bool {
+        matches!(&*self.state(), State::Open(records) if records.contents.contains_key(key))
+    }
+
     /// Whether a result that is finished now is kept.
     pub fn is_kept(&self) -> bool {
         match &*self.state() {
@@ -153,8 +158,9 @@ impl<'a> Journal<'a> {
                 let _ = std::fs::remove_file(&self.path);
             }
             *state = State::Closed;
-            if error.kind() != ErrorKind::ResourceBusy {
-                notice!("{}: finished columns are not kept: {error}", self.path.display());
+            // Another run may have it.
+            if ![ErrorKind::ResourceBusy, ErrorKind::AlreadyExists].contains(&error.kind()) {
+                notice!("{}: finished results are not kept: {error}", self.path.display());
             }
         }
     }
@@ -204,7 +210,7 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
     let file = match opened {
         Err(error) if error.kind() == ErrorKind::NotFound => return State::Empty,
         Err(error) => {
-            notice!("{}: finished columns are not kept: {error}", path.display());
+            notice!("{}: finished results are not kept: {error}", path.display());
             return State::Closed;
         }
         Ok(file) => file,
@@ -212,7 +218,7 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
     let mut head = Vec::new();
     let read = (&file).take(HEAD as u64).read_to_end(&mut head);
     if read.is_err() || !(head.is_empty() || is_journal(&head) || MAGIC.starts_with(&head)) {
-        notice!("{} is not {}: finished columns are not kept", path.display(), KIND.name);
+        notice!("{} is not {}: finished results are not kept", path.display(), KIND.name);
         return State::Closed;
     }
     if lock(&file).is_err() {
@@ -238,7 +244,7 @@ fn found(path: &Path, identity: &dyn Fn() -> Option<Key>) -> State {
     match Records::read(file) {
         Ok(records) => State::Open(records),
         Err(error) => {
-            notice!("{}: finished columns are not kept: {error}", path.display());
+            notice!("{}: finished results are not kept: {error}", path.display());
             State::Closed
         }
     }

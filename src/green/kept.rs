@@ -17,8 +17,17 @@ use std::time::Duration;
 pub struct Keeping<'a> {
     /// Finished columns, until the .green file is there.
     pub journal: Option<&'a Journal<'a>>,
-    /// Time after which equilibria that are found are kept in the user's cache folder; without it, none is kept there or taken from there.
-    pub cached_after: Option<Duration>,
+    /// Equilibria in the user's cache folder; without it, none is kept there or taken from there.
+    pub caching: Option<Caching>,
+}
+
+/// Use of the cache folder by a run.
+#[derive(Clone, Copy)]
+pub struct Caching {
+    /// A run that takes no longer keeps nothing.
+    pub kept_after: Duration,
+    /// Whether what is there is found anew, and replaced.
+    pub is_anew: bool,
 }
 
 /// The journal that keeps the solves of a body.

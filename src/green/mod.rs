@@ -65,7 +65,7 @@ pub use fingerprint::fingerprint;
 pub use forecast::{Forecast, boundary_told, compliance_fits};
 pub use journal::{Journal, KEPT_AFTER, drop_journal, path_of as journal_path};
 pub use judge::judge_file;
-pub use kept::Keeping;
+pub use kept::{Caching, Keeping};
 pub use kind::{GREEN, PACKED};
 pub use lift::Lift;
 pub use on_demand::{SolvedCompliance, Yield};

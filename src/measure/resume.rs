@@ -119,7 +119,7 @@ fn fingerprint(request: &Request<'_>) -> String {
     let text = format!(
         "{body} {} {} {:?} {:?} {} {} {:?} {:?}",
         env!("CARGO_PKG_VERSION"),
-        cache::program(),
+        cache::program().unwrap_or_default(),
         request.poses,
         request.limits,
         request.quick,

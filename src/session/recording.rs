@@ -10,7 +10,7 @@ use crate::base::input;
 use crate::base::output::{self, Kind};
 use crate::field::{LONGEST_LINE, StreamError, read_line};
 use crate::green::GreenFile;
-use crate::scene::{Color, Scene, Tool};
+use crate::scene::{Color, Scene, Tool, ToolShape};
 use crate::session::lines::Lines;
 use crate::world::{Input, State, World};
 use serde::{Deserialize, Serialize};
@@ -60,18 +60,23 @@ impl Origin<'_> {
         let mut scene = blake3::Hasher::new();
         let acting: Vec<&str> =
             world.effects.iter().filter(|effect| effect.acts()).map(|effect| effect.name()).collect();
-        for (name, body) in &self.scene.body {
+        for ((name, body), fields) in self.scene.body.iter().zip(&world.fields.bodies) {
             let basis = self.file.meta.bodies.get(name).map_or("", |meta| meta.fingerprint.as_str());
             let grabs: Vec<_> = body.control.iter().map(|(name, control)| (name, control.grab)).collect();
-            let listed: Vec<_> = body.effects.iter().filter(|name| acting.contains(&name.as_str())).collect();
+            let is_listed = |name: &&&str| body.effects.iter().any(|listed| listed == **name);
+            let listed: Vec<_> = acting.iter().filter(is_listed).collect();
             let settings: Vec<_> =
-                listed.iter().filter_map(|name| body.effect.get_key_value(*name)).collect();
+                listed.iter().filter_map(|name| body.effect.get_key_value(**name)).collect();
             let spring = body.surface_compliance.as_ref().map(|compliance| compliance.spring);
-            let own = (name, basis, &body.model, &body.place, grabs, listed, settings, spring);
+            let own =
+                (name, basis, &body.model, &body.place, grabs, listed, settings, spring, &fields.starting);
             scene.update(format!("{own:?}").as_bytes());
         }
         for (name, tool) in self.scene.tool.iter().filter(|_| !acting.is_empty()) {
             scene.update(format!("{:?}", (name, Tool { color: Color([0; 3]), ..tool.clone() })).as_bytes());
+            if let ToolShape::Mesh { file, .. } = &tool.shape {
+                scene.update(&input::read(&self.scene.resolve(file)).unwrap_or_default());
+            }
         }
         let stage = format!("{:?}", (world.assets.stage.workspace, world.assets.stage.viewer.room_from_head));
         Header {

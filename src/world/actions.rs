@@ -161,8 +161,9 @@ impl World {
             }
         }
         let first = std::mem::take(&mut self.first_memories);
-        // An effect takes the memory that it gave.
-        self.set_memories(&first);
+        for (name, why) in self.set_memories(&first) {
+            self.warn(format!("the effect {name} is not as at the start: {why}"));
+        }
         self.first_memories = first;
         self.edit =
             EditState::new(&self.assets.stage.workspace, self.bodies.len(), self.fields.targets.len());

@@ -62,6 +62,12 @@ impl World {
         }
         let memories = old.memories(|_| true);
         let refused = self.set_memories(&memories);
+        for (name, why) in &refused {
+            let first = old.first_memories.get(name).map(|first| first.get());
+            if first != memories.get(name).map(|memory| memory.get()) {
+                self.warn(format!("the effect {name} begins anew: {why}"));
+            }
+        }
         let goes_on =
             |name: &String| !refused.contains_key(name) && self.effects.iter().any(|e| e.name() == name);
         memories.into_keys().filter(goes_on).collect()

@@ -115,7 +115,7 @@ impl World {
     }
 
     /// Gives the effects their memories, one after the other, and bodies what these remake of them. Returns why an effect, by its
-    /// name, cannot go on from its memory; it begins anew.
+    /// name, cannot go on from its memory; it is then as it was when it joined.
     pub(super) fn set_memories(&mut self, memories: &BTreeMap<String, Memory>) -> BTreeMap<String, String> {
         let mut effects = std::mem::take(&mut self.effects);
         let mut refused = BTreeMap::new();
@@ -123,7 +123,10 @@ impl World {
             let name = effects[at].name();
             if let Some(Err(error)) = memories.get(name).map(|memory| effects[at].set_memory(memory)) {
                 effects[at].clear();
-                refused.insert(name.to_owned(), error);
+                // Of some of the bodies it may have taken the memory already.
+                let first = self.first_memories.get(name).map(|first| effects[at].set_memory(first));
+                let also = first.and_then(Result::err).map_or_else(String::new, |also| format!("; {also}"));
+                refused.insert(name.to_owned(), error + &also);
             }
             self.remake(&mut effects, at);
         }

@@ -250,13 +250,15 @@ impl World {
         self.graph.evaluate(&mut self.bodies);
     }
 
-    /// Adds effects to the world. Call it before the first frame.
+    /// Adds effects to the world, which begin with the memories that they have now.
     pub fn join(&mut self, effects: Vec<Box<dyn RunningEffect>>) -> Result<(), Failure> {
         if self.fields.contributions.is_none() && effects.iter().any(|effect| effect.acts()) {
             self.fields.connect_effects(&mut self.graph, &self.bodies).map_err(Failure::request)?;
         }
         self.effects.extend(effects);
-        self.first_memories = self.memories(|effect| effect.acts());
+        for (name, memory) in self.memories(|effect| effect.acts()) {
+            self.first_memories.entry(name).or_insert(memory);
+        }
         self.colour();
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::inertia::Inertia;
 use super::*;
 use crate::deform::{Contribution, ControlPose};
-use crate::effect;
+use crate::green;
 use crate::interact::Action;
 use crate::prepare::Resolved;
 use crate::render::Drawable;
@@ -33,7 +33,7 @@ grab = "dragger"
 
 pub fn world() -> World {
     let scene = Resolved::parse(SCENE, Path::new("scene.toml")).unwrap();
-    let file = effect::file_of(&scene).unwrap();
+    let file = green::opened(&crate::prepare::precompute(&scene, true).unwrap()).unwrap();
     World::new(&scene, &scene.models(), &file, Stage::find("workbench").unwrap()).unwrap()
 }
 

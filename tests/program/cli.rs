@@ -344,17 +344,24 @@ fn pose_mistakes_are_refused() {
     }
 }
 
-/// A pose in a batch stands alone, whatever was before it: also where the mean rotation is followed on line.
 /// What a report would not measure was taken for an element that is held at rest.
 #[test]
 fn a_report_refuses_poses_that_it_cannot_measure() {
     let folder = project("cli-report-poses");
+    const MOVED: &str = "control.high = { translation = [0.1, 0.0, 0.0] }";
     let of = |pose: &str| format!("[[pose]]\nname = \"pull\"\n{pose}\n");
     for (poses, expected) in [
         (POSES.to_owned(), "pose \"rest\" moves nothing"),
         (of("control.high = { force = [0.0, 0.0, -5.0] }"), "pose \"pull\" has free directions or is pushed"),
         (of("control.high = { translation = [0.1, 0.0, 0.0], free = [\"y\"] }"), "has free directions"),
-        (of("") + &of("after = \"pull\"").replacen("pull", "more", 1), "pose \"pull\" moves nothing"),
+        (
+            of("[[pose.force]]\nat = [0.5, 0.0, 0.0]\nforce = [0.0, 0.0, 1.0]"),
+            "pose \"pull\" has forces at points",
+        ),
+        (
+            of(MOVED) + &of(&format!("after = \"pull\"\n{MOVED}")).replacen("pull", "more", 1),
+            "pose \"more\" goes on",
+        ),
     ] {
         std::fs::write(folder.join("poses.toml"), &poses).unwrap();
         let arguments = ["accuracy", "scene.toml", "--poses", "poses.toml", "-o", "out"];
@@ -362,6 +369,7 @@ fn a_report_refuses_poses_that_it_cannot_measure() {
     }
 }
 
+/// A pose in a batch stands alone, whatever was before it: also where the mean rotation is followed on line.
 #[test]
 fn a_pose_does_not_depend_on_the_one_before() {
     let folder = project("cli-alone");

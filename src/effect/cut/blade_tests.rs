@@ -207,9 +207,16 @@ fn a_cut_is_undone_in_the_next_world_and_gone_after_a_reset() {
     next.wait(away);
     assert_eq!((next.nodes(), next.world.undo_depth()), (whole, [0, 1]));
 
-    first.act(Action::Reset, away);
-    first.wait(away);
-    assert_eq!((first.nodes(), first.world.undo_depth()), (whole, [0, 0]));
+    // Effects of a live session join later.
+    next.act(Action::Redo, away);
+    next.wait(away);
+    next.world.join(Vec::new()).unwrap();
+    for reset in [&mut first, &mut next] {
+        assert_eq!(reset.nodes(), cut);
+        reset.act(Action::Reset, away);
+        reset.wait(away);
+        assert_eq!((reset.nodes(), reset.world.undo_depth()), (whole, [0, 0]));
+    }
     let rest = Operated::new(&scene, &file);
     assert_eq!(first.places(), rest.places());
     assert!(first.is_quiet() && next.is_quiet(), "{:?} {:?}", first.world.warnings, next.world.warnings);

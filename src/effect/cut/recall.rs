@@ -100,6 +100,7 @@ impl CutBody {
     /// Makes the body whole again.
     fn close(&mut self) -> Result<(), String> {
         let whole = self.whole.state()?;
+        whole.base.0.solves.wake();
         self.go_to(whole);
         (self.steps, self.opening, self.renewal) = (Vec::new(), None, None);
         (self.more, self.cut) = (Edges::new(), CutEdges::new());

@@ -25,6 +25,8 @@ use std::sync::Arc;
 
 type V3 = Vector3<f64>;
 
+/// Radii of a body from its middle at rest, beyond the way of its elements, to which it may reach.
+const FAR: f64 = 4.0;
 /// Part of a body's extent by which a blade beside it counts as near: it may move so far in a frame.
 const BESIDE: f64 = 0.25;
 /// Frames without a cut after which a stroke of the blades has ended.
@@ -119,6 +121,14 @@ fn friction(body: &ResolvedBody, tool: &str) -> Option<f64> {
 /// Whether the edge of a blade comes near the body as it is shown.
 fn is_near(sweep: &Sweep, body: &PlacedBody) -> bool {
     let reach = sweep.low_and_high();
+    // Where it is surely far, the places of the nodes need not be known.
+    let (centre, radius) = body.assets.ball;
+    let moved = body.deformer.poses.iter().map(|pose| pose.translation.norm()).fold(0.0, f64::max);
+    let far = (FAR * radius + moved) * body.room_from_body.scaling();
+    let middle = (body.room_from_body * centre).coords;
+    if (0..3).any(|k| reach[0][k] > middle[k] + far || reach[1][k] < middle[k] - far) {
+        return false;
+    }
     let room_from_surface = body.room_from_surface();
     let places = body.deformer.positions();
     let places = places.iter().map(|x| (room_from_surface * Point3::from(V3::from(x.map(f64::from)))).coords);

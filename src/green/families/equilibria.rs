@@ -183,11 +183,13 @@ pub fn equilibria(
         last_step: LAST_STEP,
     };
     let walk = Walk { newton, law, solution };
-    let key = found::key(law, assembled, solution);
-    let identity = || Some(key);
-    let journal = assembled.cached_after.map(|after| found::journal(&key, after, &identity));
-    let earlier = Known { journal, nodes: solution.mesh.nodes.len() };
-    let mut known_paths = 0;
+    let key = assembled.caching.and_then(|_| found::key(law, assembled, solution));
+    let identity = || key;
+    let mut earlier = Known::open(assembled.caching, key, &identity, solution.mesh.nodes.len());
+    let there = earlier.count(paths.len());
+    if there > 0 {
+        progress.tell(&format!("resumes: the equilibria on {there} of {} paths were there", paths.len()));
+    }
     let (mut fields, mut coefficients) = (Vec::new(), Vec::new());
     let (mut energies, mut inverted) = (Vec::new(), Vec::new());
     let (mut small, mut whole, mut known) = (Vec::new(), 0, Vec::new());
@@ -195,10 +197,7 @@ pub fn equilibria(
     for (number, (path, kind, steps)) in paths.iter().enumerate() {
         let of = |share: f64| seen(solution, path, share);
         let found = match earlier.on(number) {
-            Some(found) => {
-                known_paths += 1;
-                found
-            }
+            Some(found) => found,
             None => {
                 let found = walk.equilibria_on(path, steps).map_err(failed)?;
                 let found = found
@@ -232,10 +231,7 @@ pub fn equilibria(
         }
     }
     progress.end();
-    if known_paths > 0 {
-        progress
-            .tell(&format!("resumes: the equilibria on {known_paths} of {} paths were there", paths.len()));
-    }
+    earlier.finish();
     let fields: Vec<&NodeFields> = fields.iter().collect();
     Ok((!fields.is_empty()).then(|| Equilibria {
         fields: beside(&fields),

@@ -7,11 +7,11 @@
 
 use super::super::family::Assembled;
 use super::super::journal::{Journal, Key};
+use super::super::kept::Caching;
 use super::super::solution::Solution;
 use crate::base::cache;
 use crate::fem::{Law, NodeFields};
 use nalgebra::Vector3;
-use std::time::Duration;
 
 /// All files together, bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -56,11 +56,12 @@ impl Found {
     }
 }
 
-/// The hash of a body and a law, of the settings with which its equilibria are found, and of this program.
-pub fn key(law: &Law, assembled: &Assembled<'_>, solution: &Solution) -> Key {
+/// The hash of a body and a law, of the settings with which its equilibria are found, and of this program; `None` where that is not
+/// known.
+pub fn key(law: &Law, assembled: &Assembled<'_>, solution: &Solution) -> Option<Key> {
     let mesh = &solution.mesh;
     let mut hasher = blake3::Hasher::new();
-    let settings = (law.name, solution.element.name, assembled.body.solver.to_string(), cache::program());
+    let settings = (law.name, solution.element.name, assembled.body.solver.to_string(), cache::program()?);
     hasher.update(format!("{settings:?} {} {}", mesh.nodes.len(), mesh.tets.len()).as_bytes());
     mesh.nodes.iter().for_each(|node| {
         hasher.update(bytemuck::cast_slice(node.as_slice()));
@@ -75,26 +76,48 @@ pub fn key(law: &Law, assembled: &Assembled<'_>, solution: &Solution) -> Key {
             .update(bytemuck::cast_slice(&control.nodes));
         hasher.update(bytemuck::cast_slice(control.origin.as_slice()));
     }
-    hasher.finalize().into()
-}
-
-/// The journal of the equilibria of this key, which `identity` returns. Others are removed until all take no more than [`MOST_BYTES`].
-pub fn journal<'a>(key: &Key, kept_after: Duration, identity: &'a dyn Fn() -> Option<Key>) -> Journal<'a> {
-    let name = format!("{PREFIX}{}.part", blake3::Hash::from_bytes(*key).to_hex());
-    cache::trim(PREFIX, &name, MOST_BYTES);
-    Journal::at(cache::folder().join(name), kept_after, identity)
+    Some(hasher.finalize().into())
 }
 
 /// The equilibria on the paths of a body of so many nodes; without a journal, none is known and none is kept.
 pub struct Known<'a> {
-    pub journal: Option<Journal<'a>>,
-    pub nodes: usize,
+    journal: Option<(Journal<'a>, String)>,
+    nodes: usize,
+    /// Paths that were walked before results are kept.
+    early: Vec<(usize, Vec<Found>)>,
 }
 
-impl Known<'_> {
+impl<'a> Known<'a> {
+    /// Those of this key, which `identity` returns; none where results are not cached.
+    pub fn open(
+        asked: Option<Caching>,
+        key: Option<Key>,
+        identity: &'a dyn Fn() -> Option<Key>,
+        nodes: usize,
+    ) -> Known<'a> {
+        let journal = asked.zip(key).map(|(Caching { kept_after, is_anew }, key)| {
+            let name = format!("{PREFIX}{}.part", blake3::Hash::from_bytes(key).to_hex());
+            let path = cache::folder().join(&name);
+            if is_anew {
+                // It may not be there.
+                let _ = std::fs::remove_file(&path);
+            }
+            (Journal::at(path, kept_after, identity), name)
+        });
+        Known { journal, nodes, early: Vec::new() }
+    }
+
+    /// Number of paths below `all` that were walked.
+    pub fn count(&self, all: usize) -> usize {
+        self.journal
+            .iter()
+            .map(|(journal, _)| (0..all).filter(|path| journal.has(&key_of(*path))).count())
+            .sum()
+    }
+
     /// Equilibria that were found on the path of this number; `None` where it was not walked yet.
     pub fn on(&self, path: usize) -> Option<Vec<Found>> {
-        let bytes = self.journal.as_ref()?.find(&key_of(path))?;
+        let bytes = self.journal.as_ref()?.0.find(&key_of(path))?;
         let numbers: Vec<f64> = bytes
             .chunks_exact(8)
             .filter_map(|bytes| bytes.first_chunk())
@@ -105,11 +128,24 @@ impl Known<'_> {
     }
 
     /// Keeps the equilibria on a path.
-    pub fn keep(&self, path: usize, found: &[Found]) {
-        let Some(journal) = self.journal.as_ref().filter(|journal| journal.is_kept()) else { return };
-        let numbers: Vec<Vec<f64>> = found.iter().map(Found::numbers).collect();
-        let parts: Vec<&[u8]> = numbers.iter().map(|one| bytemuck::cast_slice(one)).collect();
-        journal.keep(&key_of(path), &parts);
+    pub fn keep(&mut self, path: usize, found: &[Found]) {
+        let Some((journal, _)) = &self.journal else { return };
+        self.early.push((path, found.to_vec()));
+        if !journal.is_kept() {
+            return;
+        }
+        for (path, found) in self.early.drain(..) {
+            let numbers: Vec<Vec<f64>> = found.iter().map(Found::numbers).collect();
+            let parts: Vec<&[u8]> = numbers.iter().map(|one| bytemuck::cast_slice(one)).collect();
+            journal.keep(&key_of(path), &parts);
+        }
+    }
+
+    /// Removes those of other bodies until all take no more than [`MOST_BYTES`].
+    pub fn finish(self) {
+        if let Some((_, name)) = &self.journal {
+            cache::trim(PREFIX, name, MOST_BYTES);
+        }
     }
 }
 
