@@ -1,6 +1,7 @@
 //! Points of a surface in the hand, and loads that are set.
 
 use super::*;
+use crate::effect;
 use crate::interact::SurfaceGrip;
 
 const LOADED: &str = "[body.b]\n\
