@@ -96,6 +96,7 @@ pub fn choose(
     let of_two = of_two.filter(|(model, _)| *model != "rod" || takes_rod);
     let reach = of_two.as_ref().map_or(String::new(), |(_, reach)| reach.clone());
     let reduced = of_two.as_ref().map_or("reduced", |(model, _)| model);
+    let with = if is_incompressible { " with element = \"tet10\"" } else { "" };
     let (model, comment, why) = match &wishes.model {
         Some(model) => (model.as_str(), String::new(), "as you asked".to_owned()),
         None if wishes.is_touched && wishes.is_cut => (
@@ -138,9 +139,10 @@ pub fn choose(
         ),
         None => (
             "rotation",
-            "for large rotations; \"reduced\" for forces, and to bend far".to_owned(),
-            "quick; shapes to about 60° of bend, forces of compact bodies to 30°; further \"reduced\""
-                .to_owned(),
+            format!("for large rotations; \"reduced\"{with} for forces, and to bend far"),
+            format!(
+                "quick; shapes to about 60° of bend, forces of compact bodies to 30°; further \"reduced\"{with}"
+            ),
         ),
     };
     let element = match wishes.is_cut {

@@ -400,6 +400,10 @@ fn a_large_nearly_incompressible_body_gets_a_model_and_an_element_that_suit_each
         let body = &proposal.scene.body["part"];
         assert_eq!((body.element.name, body.model.as_str()), expected);
     }
+    let wishes = Wishes { material: Some("rubber".to_owned()), ..Wishes::default() };
+    let proposal = proposed("part.msh", &mesh, &wishes).unwrap();
+    let told = "further \"reduced\" with element = \"tet10\"";
+    assert!(proposal.reasons.iter().any(|reason| reason.ends_with(told)), "{:?}", proposal.reasons);
 }
 
 /// Such a scene was refused with the cell that it is filled with now.
