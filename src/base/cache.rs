@@ -47,8 +47,8 @@ pub fn program() -> Option<String> {
     Some(format!("{} {} {seconds} {nanoseconds} {}", env!("CARGO_PKG_VERSION"), file.len(), file.ino()))
 }
 
-/// Removes files whose names begin with `prefix`, but for `used`, from the one on that was not used for longest, until all of them
-/// take no more than `most` bytes. `used` is the one used last from now on.
+/// Removes files whose names begin with `prefix`, the least recently used ones first, until all of them take no more than `most` bytes.
+/// `used` stays, and counts as used now.
 pub fn trim(prefix: &str, used: &str, most: u64) {
     trim_in(folder(), prefix, used, most);
 }
@@ -64,7 +64,7 @@ fn trim_in(folder: &Path, prefix: &str, used: &str, most: u64) {
         let mut time = found.modified().ok();
         if name == used {
             time = Some(SystemTime::now());
-            // Its age matters to no result.
+            // A failure changes no result.
             let _ = File::options()
                 .append(true)
                 .open(entry.path())
