@@ -70,7 +70,7 @@ impl Pose {
         self.control.values().any(of)
     }
 
-    /// What the pose says beside where its control elements are, in the file's words; `None` where that is all.
+    /// Keys of the pose beside the motion of its control elements, as words for a message; `None` where there are none.
     pub fn beyond_motion(&self) -> Option<&'static str> {
         match () {
             () if self.after.is_some() => Some("goes on from another (`after`)"),

@@ -69,13 +69,21 @@ impl RunningEffect for RestGhosts {
 fn is_moved(body: &PlacedBody) -> bool {
     let deformer = &body.deformer;
     let least = SEEN * body.assets.ball.1;
-    let apart = |node: u32, place: Vector3<f64>| {
-        (place - Vector3::from(deformer.rest()[node as usize]).cast::<f64>()).norm() > least
+    let at = |x: &[f32; 3]| Vector3::from(x.map(f64::from));
+    if deformer.is_partial() {
+        let nodes = (0..deformer.node_count() as u32).step_by(deformer.node_count().div_ceil(SAMPLE).max(1));
+        let rest = nodes.clone().map(|node| at(&deformer.rest()[node as usize]));
+        return deformer
+            .places_in_state(nodes)
+            .iter()
+            .zip(rest)
+            .any(|(now, rest)| (now - rest).norm() > least);
+    }
+    let body_from_surface = deformer.body_from_surface();
+    let apart = |(now, rest): (&[f32; 3], &[f32; 3])| {
+        ((body_from_surface * Point3::from(at(now))).coords - at(rest)).norm() > least
     };
-    let nodes = 0..deformer.node_count() as u32;
-    let step = if deformer.is_partial() { nodes.len().div_ceil(SAMPLE) } else { 1 };
-    let nodes = nodes.step_by(step.max(1));
-    deformer.places_in_state(nodes.clone()).into_iter().zip(nodes).any(|(place, node)| apart(node, place))
+    deformer.positions().iter().zip(deformer.rest()).any(apart)
 }
 
 impl GhostSurface {
@@ -138,8 +146,11 @@ fn shape(deformer: &Deformer, moved: Option<&[[f64; 3]]>) -> GhostShape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effect::attach;
     use crate::effect::ghost_equilibrium::tests::bar;
+    use crate::effect::{self, Resolved, attach, file_of};
+    use crate::stage::Stage;
+    use crate::track::TrackerState;
+    use std::path::Path;
 
     #[test]
     fn the_ghost_is_the_body_at_rest_and_stands_only_beside_one_that_is_moved() {
@@ -162,5 +173,24 @@ mod tests {
         assert_eq!(ghost.shape.positions, deformer.rest());
         assert_ne!(ghost.shape.positions[..], deformer.positions()[..]);
         assert_eq!(ghost.room_from_shape, world.bodies[0].room_from_body.to_homogeneous().cast::<f32>());
+    }
+
+    /// A body that its weight bends has a rest shape beside it too, whoever sums its surface.
+    #[test]
+    fn a_body_that_sags_has_its_ghost() {
+        let text = "[body.b]\ngenerate = { block = { size = [1.0, 0.1, 0.1], cells = [8, 2, 2] } }\ngravity = true\n\
+                    material = { young = 1.0e6, poisson = 0.3, density = 1000.0 }\neffects = [\"ghost_rest\"]\n\
+                    control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n";
+        let scene = Resolved::parse(text, Path::new("sag.toml")).unwrap();
+        let mut world =
+            effect::world(&[ENTRY], &scene, &file_of(&scene).unwrap(), Stage::find("desktop").unwrap())
+                .unwrap();
+        for partial in [false, true] {
+            if partial {
+                world.bodies[0].deformer.sum_only_at(vec![0]);
+            }
+            world.step(&TrackerState::default().into());
+            assert_eq!(world.frame.all(Drawable::ghost).count(), 1, "{partial}");
+        }
     }
 }

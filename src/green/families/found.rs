@@ -1,7 +1,7 @@
-//! Equilibria that were found on the paths of a body, in the user's cache folder: of a body that is made again with one more effect, load
-//! or storage, they are not sought again.
+//! Equilibria of a body in the user's cache folder, so that a body that is made again with one more effect, load or storage takes them
+//! from there.
 //!
-//! In: a body, a law, and what was found on a path. Out: the same in a later run of this program, from `equilibria-KEY.part`, a [`Journal`]
+//! In: a body, a law, and the equilibria found on a path. Out: the same in a later run of this program, from `equilibria-KEY.part`, a [`Journal`]
 //! with a record for each path; KEY is the hash of all that they depend on. The files that were not used for longest are removed
 //! when all take more than [`MOST_BYTES`].
 
@@ -88,7 +88,7 @@ pub struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
-    /// Those of this key, which `identity` returns; none where results are not cached.
+    /// Opens the journal of this key, which `identity` returns; without a key or caching there is none.
     pub fn open(
         asked: Option<Caching>,
         key: Option<Key>,
