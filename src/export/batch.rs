@@ -1,27 +1,22 @@
 //! Computes bodies in a list of poses: by superposition from the .green file, by the linear theory over all nodes, or by
 //! solving anew for every pose.
 
+use super::all_nodes::{self, AllNodes};
 use super::asked::{PoseRequest, has_forces, lead};
 use super::result_set::{ControlForces, Geometry, MissedPose, Needs, PoseResult, ResultSet, StressResult};
 use super::told::{PointPush, PoseFacts, Sureness};
 use super::{free_poses, statics, unsure};
-use crate::base::diagnostic::{self, notice};
+use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::deform::{
-    AppliedLoads, ControlPose, Deformer, EquilibriumResult, ModelEntry, PoseSlope, Strain, Wrench, model_of,
-    pose_file,
-};
+use crate::deform::{AppliedLoads, Deformer, EquilibriumResult, Strain, Wrench, pose_file};
 use crate::effect::expected;
 use crate::effect::stress::{StressedBody, SurfaceLoads};
-use crate::green::{
-    self, FIELDS, GreenError, GreenFile, LOAD_COMPLIANCE, LOAD_FIELDS, REACTION, Solution, UPDATES,
-};
+use crate::green::{GreenError, GreenFile, Solution};
 use crate::mesh::{Surface, TetMesh};
 use crate::prepare::{self, Resolved};
 use crate::scene::Body;
-use crate::solve::Silent;
 use crate::world::{beyond_law, out_of_range_of, wrench_error_of};
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::Vector3;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -42,10 +37,12 @@ pub fn solve(
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
     let online = prepare::summed_part(scene)?;
-    let file = match online.body.is_empty() || all_nodes {
-        true => None,
+    let anew = (all_nodes && !online.body.is_empty()).then(|| AllNodes::solve(&online)).transpose()?;
+    let file = match &anew {
+        Some(anew) => Some(anew.file.clone()),
+        None if online.body.is_empty() => None,
         // Nobody would notice a force that is missing because the file is damaged.
-        false => Some(prepare::green_file(&online, green).and_then(verified)?),
+        None => Some(prepare::green_file(&online, green).and_then(verified)?),
     };
     let (mut set, mut tables) = (ResultSet::default(), String::new());
     let asked = &free_poses::found(scene, asked, file.as_ref(), &mut set.missed)?[..];
@@ -63,9 +60,12 @@ pub fn solve(
         for (asked, doubt) in own.iter().filter_map(|asked| Some((asked, doubtful(asked)?))) {
             notice!("note: {}: {doubt}", asked.place());
         }
+        let solution = anew.as_ref().and_then(|anew| anew.solution(name));
         let (shape, found) = match (scene.law(name)?, &file) {
-            (None, Some(file)) => surface_results(scene, file, name, (&own, asked), &mut set.missed)?,
-            (None, None) => volume_results(scene, name, &own, &mut set.missed)?,
+            (None, Some(file)) => {
+                surface_results(scene, (file, solution), name, (&own, asked), &mut set.missed)?
+            }
+            (None, None) => continue,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
                 let poses: Vec<_> = own
@@ -77,8 +77,17 @@ pub fn solve(
                 static_results(scene, name, solved, &own, &mut set.missed)?
             }
         };
-        set.geometry.push(shape);
-        set.results.extend(found.into_iter().map(|result| with_facts(scene, asked, result)));
+        let told = found.into_iter().map(|result| with_facts(scene, asked, result));
+        match solution {
+            Some(solution) => {
+                set.geometry.push(all_nodes::geometry(name, solution));
+                set.results.extend(told.map(|result| all_nodes::spread(result, solution)));
+            }
+            None => {
+                set.geometry.push(shape);
+                set.results.extend(told);
+            }
+        }
     }
     let order = |result: &PoseResult| {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)
@@ -156,16 +165,9 @@ impl SolvedStress {
         let points: Vec<u32> = points.iter().filter_map(on_surface).collect();
         let loads = SurfaceLoads { coefficients, points: &points };
         let u: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| displacement[node as usize]).collect();
-        let at = body.at_nodes(&u, stretch, Strain::Finite, &loads);
-        let mut reached = body.reached(&at);
-        for node in [&mut reached.von_mises.1, &mut reached.strain.1] {
-            *node = surface.nodes.get(*node).map_or(0, |&node| node as usize);
-        }
-        let mut nodes = vec![None; displacement.len()];
-        for (&node, at) in surface.nodes.iter().zip(at) {
-            nodes[node as usize] = at;
-        }
-        StressResult { nodes, reached }
+        let nodes = body.at_nodes(&u, stretch, Strain::Finite, &loads);
+        let on_surface = StressResult { reached: body.reached(&nodes), nodes };
+        on_surface.spread(&surface.nodes, displacement.len())
     }
 }
 
@@ -199,15 +201,27 @@ fn control_forces(body: &Body, (wrenches, energy): (Vec<Wrench>, f64)) -> Contro
     ControlForces { controls: body.control.keys().cloned().zip(wrenches).collect(), energy }
 }
 
+/// Results of a body over its surface, from its columns in a file; with a solution, that is a file of what was solved anew.
 fn surface_results(
     scene: &Resolved,
-    file: &Arc<GreenFile>,
+    (file, solution): (&Arc<GreenFile>, Option<&Solution>),
     name: &str,
     (own, all): (&[&PoseRequest<'_>], &[PoseRequest<'_>]),
     missed: &mut Vec<MissedPose>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
-    let stressed = lists_stress(scene, name).then(|| StressedBody::of_file(scene, file, name)).transpose()?;
+    if let Some(asked) = own.iter().find(|asked| solution.is_some() && !asked.loads.forces.is_empty()) {
+        let message = "forces at points are summed from the .green file: leave --all-nodes out";
+        return Err(Failure::wrong(format!("{}: {message}", asked.place())));
+    }
+    let stressed = match solution {
+        None if lists_stress(scene, name) => Some(StressedBody::of_file(scene, file, name)?),
+        None => None,
+        Some(Solution { mesh, controls, .. }) => {
+            let held: Vec<&[u32]> = controls.iter().map(|control| &control.nodes[..]).collect();
+            solved_stress(scene, name, mesh, &held)?.map(|solved| solved.body)
+        }
+    };
     let mut deformer = Deformer::new(file.clone(), name, model).map_err(Failure::wrong)?;
     let expected = expected::read(file, name)?.filter(|errors| errors.model == model);
     let before = std::iter::once(None).chain(own.iter().copied().map(Some));
@@ -233,7 +247,10 @@ fn surface_results(
         let error =
             known.and_then(|(expected, found)| wrench_error_of(expected, &deformer, found, &asked.freedom));
         let unknown = || {
-            let looked = unsure::ErrorSource::InFile(expected.as_ref());
+            let looked = match solution {
+                Some(_) => unsure::ErrorSource::Nowhere,
+                None => unsure::ErrorSource::InFile(expected.as_ref()),
+            };
             Sureness::Unknown(unsure::why(scene, name, looked, &asked.freedom))
         };
         let mut told =
@@ -277,137 +294,6 @@ fn surface_result(
         stress: None,
         told: PoseFacts::default(),
     })
-}
-
-fn volume_results(
-    scene: &Resolved,
-    name: &str,
-    asked: &[&PoseRequest<'_>],
-    missed: &mut Vec<MissedPose>,
-) -> Result<(Geometry, Vec<PoseResult>), Failure> {
-    let (body, model) = (&scene.body[name], scene.bodies[name].model);
-    if !model.is_linear() {
-        return Err(Failure::request(scene.invalid(
-            &format!("body.{name}.model"),
-            format!("--all-nodes solves the linear theory, not the model \"{}\"", model.name),
-        )));
-    }
-    if let Some(asked) = asked.iter().find(|asked| !asked.loads.forces.is_empty()) {
-        let message = "forces at points are summed from the .green file: leave --all-nodes out";
-        return Err(Failure::wrong(format!("{}: {message}", asked.place())));
-    }
-    let requirements = scene.requirements(name)?.without(UPDATES);
-    let solution = green::solve(scene, name, &requirements, &Silent)?;
-    diagnostic::report("", &solution.notices);
-    let held: Vec<&[u32]> = solution.controls.iter().map(|control| &control.nodes[..]).collect();
-    let stressed = solved_stress(scene, name, &solution.mesh, &held)?;
-    let mut found = Vec::new();
-    for asked in asked {
-        let asked = match with_free_elements(asked, model, &solution) {
-            Ok(asked) => asked,
-            Err(why) => {
-                let (pose, body) = (asked.pose.to_owned(), name.to_owned());
-                missed.push(MissedPose { why: format!("{}: {why}", asked.place()), pose, body });
-                continue;
-            }
-        };
-        let result = volume_result(&asked, name, (body, model), &solution);
-        let stretch = asked.loads.free_stretch(body);
-        let stress_of = |stressed: &SolvedStress, u: &[Vector3<f64>]| {
-            stressed.result(u, stretch, &asked.loads.coefficients, &[])
-        };
-        let stress = stressed.as_ref().map(|stressed| stress_of(stressed, &result.displacement));
-        let places = solution.controls.iter().map(|control| control.origin).collect();
-        let yields = free_poses::yields(stress.as_ref());
-        let first_yield =
-            stressed.as_ref().filter(|_| yields && asked.after.is_none()).and_then(|stressed| {
-                free_poses::first_yield_linear(&asked, |asked| {
-                    let at = volume_result(asked, name, (body, model), &solution);
-                    let wrenches =
-                        at.wrenches.map(|forces| forces.controls.into_iter().map(|(_, w)| w).collect());
-                    Some((wrenches, free_poses::parts(&stress_of(stressed, &at.displacement).reached)?))
-                })
-            });
-        let told = PoseFacts { control: asked.control, places, first_yield, ..PoseFacts::default() };
-        found.push(PoseResult { stress, told, ..result });
-    }
-    Ok((Geometry::volume(name, &solution.mesh), found))
-}
-
-/// The pose with its free control elements in equilibrium.
-fn with_free_elements<'a>(
-    asked: &PoseRequest<'a>,
-    model: &ModelEntry,
-    solution: &Solution,
-) -> Result<PoseRequest<'a>, String> {
-    if asked.freedom.is_empty() {
-        return Ok(asked.clone());
-    }
-    let length = free_poses::size(solution.mesh.nodes.iter().copied());
-    let mut wrenches = |poses: &[ControlPose]| {
-        let at = PoseRequest { control: poses.to_vec(), ..asked.clone() };
-        let found = volume_slopes(&at, model, solution);
-        let (slopes, _) = found.ok_or_else(|| "the model has no forces in such a pose".to_owned())?;
-        Ok(slopes.iter().map(Wrench::of_small_strain).collect())
-    };
-    let control = free_poses::find(asked, None, (model, length), &mut wrenches)?;
-    Ok(PoseRequest { control, ..asked.clone() })
-}
-
-fn volume_result(
-    asked: &PoseRequest<'_>,
-    name: &str,
-    (body, model): (&Body, &ModelEntry),
-    solution: &Solution,
-) -> PoseResult {
-    let c: Vec<f64> = asked.control.iter().flat_map(ControlPose::coefficients).collect();
-    let loads = solution.tables.get(LOAD_FIELDS);
-    let loaded = |row: usize| {
-        let columns = loads.into_iter().flat_map(|fields| (0..fields.ncols()).map(move |k| fields[(row, k)]));
-        columns.zip(&asked.loads.coefficients).map(|(u, c)| u * c).sum::<f64>()
-    };
-    let value =
-        |row: usize| solution.fields.row(row).iter().zip(&c).map(|(u, c)| u * c).sum::<f64>() + loaded(row);
-    PoseResult {
-        pose: asked.pose.to_owned(),
-        body: name.to_owned(),
-        displacement: (0..solution.mesh.nodes.len())
-            .map(|node| Vector3::from_fn(|axis, _| value(3 * node + axis)))
-            .collect(),
-        wrenches: volume_slopes(asked, model, solution).map(|(slopes, energy)| {
-            let wrenches =
-                slopes.iter().zip(&asked.control).map(|(slope, pose)| Wrench::from_slope(slope, pose));
-            control_forces(body, (wrenches.collect(), energy))
-        }),
-        stress: None,
-        told: PoseFacts::default(),
-    }
-}
-
-/// The slopes of the energy of the body's model by the poses, and the energy, where the scene requests forces.
-fn volume_slopes(
-    asked: &PoseRequest<'_>,
-    model: &ModelEntry,
-    solution: &Solution,
-) -> Option<(Vec<PoseSlope>, f64)> {
-    let (mut model, _) = model_of(model, solution).ok()?;
-    let mut slopes = vec![PoseSlope::default(); asked.control.len()];
-    let response = model.respond(&asked.control, &mut slopes)?;
-    let mut energy = response.energy;
-    let tables = &solution.tables;
-    if let (Some(reaction), Some(compliance)) = (tables.get(REACTION), tables.get(LOAD_COMPLIANCE)) {
-        let lambda = DVector::from_column_slice(&asked.loads.coefficients);
-        let work = reaction * &lambda;
-        for ((slope, pose), h) in
-            slopes.iter_mut().zip(&asked.control).zip(work.as_slice().chunks_exact(FIELDS))
-        {
-            slope.translation -= Vector3::new(h[0], h[1], h[2]);
-            slope.matrix -= Matrix3::from_row_slice(&h[3..]);
-            energy -= pose.coefficients().iter().zip(h).map(|(c, h)| c * h).sum::<f64>();
-        }
-        energy -= 0.5 * lambda.dot(&(compliance * &lambda));
-    }
-    Some((slopes, energy))
 }
 
 fn static_results(

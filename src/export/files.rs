@@ -92,7 +92,11 @@ impl Files {
             written.push(path);
         }
         let is_found = |pose: &str| set.results.iter().any(|result| result.pose == pose);
-        for (exporter, pose, path) in self.of_poses().filter(|(_, pose, _)| is_found(pose)) {
+        for (exporter, pose, path) in self.of_poses() {
+            if !is_found(pose) {
+                old.extend(output::is(&path, &exporter.kind).then_some(path));
+                continue;
+            }
             let contents = (exporter.write)(&set.of_pose(pose));
             staged.push(output::stage(&path, &exporter.kind, |file| file.write_all(&contents))?);
             written.push(path);

@@ -48,7 +48,7 @@ fn size_of(body: &Deformer) -> f64 {
 }
 
 /// Finds the control elements of one pose that are free in something.
-pub(super) fn find(
+fn find(
     asked: &PoseRequest<'_>,
     before: Option<&ControlPoses>,
     (model, length): (&ModelEntry, f64),
@@ -234,21 +234,6 @@ pub(super) fn first_yield_of(
         let [inside, all] = parts(&found.displacement)?;
         (wrenches, at_edges) = (Some(found.wrenches), all);
         Some((found.poses, inside))
-    })?;
-    Some(FirstYield { share, at_edges, control, wrenches, error: None })
-}
-
-/// The first yield by the linear theory, in which a pose that was found is found at every share of its way.
-pub(super) fn first_yield_linear(
-    asked: &PoseRequest<'_>,
-    of: impl Fn(&PoseRequest<'_>) -> Option<(Option<Vec<Wrench>>, [f64; 2])>,
-) -> Option<FirstYield> {
-    let (mut wrenches, mut at_edges) = (None, 0.0);
-    let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
-        let control = way(&asked.control, None, true, share);
-        let (found, [inside, all]) = of(&PoseRequest { control: control.clone(), ..asked.clone() })?;
-        (wrenches, at_edges) = (found, all);
-        Some((control, inside))
     })?;
     Some(FirstYield { share, at_edges, control, wrenches, error: None })
 }

@@ -6,6 +6,7 @@
 //! To add a format: write a file with an [`Exporter`], declare it below as `pub mod`, add it to [`EXPORTERS`], and name its
 //! file in the chapter `deform` of the manual.
 
+mod all_nodes;
 pub mod asked;
 pub mod basis;
 pub mod batch;

@@ -145,6 +145,22 @@ impl Geometry {
             cells: (0..mesh.tets.len()).map(|tet| vtk_cell(mesh, tet)).collect(),
         }
     }
+
+    /// The mesh of a geometry of tetrahedra.
+    pub fn mesh(&self) -> TetMesh {
+        let tets = self.cells.iter().filter_map(|cell| cell.first_chunk().copied());
+        let mids = self.cells.iter().filter_map(|cell| match cell[..] {
+            [_, _, _, _, a, b, c, d, f, e] => Some([a, b, c, d, e, f]),
+            _ => None,
+        });
+        TetMesh {
+            nodes: self.rest.clone(),
+            tags: self.tags.clone(),
+            tets: tets.collect(),
+            mids: mids.collect(),
+            ..TetMesh::default()
+        }
+    }
 }
 
 /// The nodes of a tetrahedron in VTK's order, whose last two mid-side nodes change places with ours.

@@ -5,7 +5,7 @@
 
 use super::result_set::{Geometry, ResultSet};
 use crate::deform::vertex_normals;
-use crate::mesh::{Surface, TetMesh};
+use crate::mesh::Surface;
 use nalgebra::Vector3;
 
 /// Red, green and blue, sRGB, as a body is shown.
@@ -62,10 +62,6 @@ pub fn boundary(geometry: &Geometry) -> (Vec<u32>, Vec<[u32; 3]>) {
         let triangles = geometry.cells.iter().map(|cell| [cell[0], cell[1], cell[2]]).collect();
         return ((0..geometry.rest.len() as u32).collect(), triangles);
     }
-    let tets = geometry.cells.iter().filter(|cell| cell.len() >= 4);
-    let tets = tets.map(|cell| [cell[0], cell[1], cell[2], cell[3]]).collect();
-    let mesh =
-        TetMesh { nodes: geometry.rest.clone(), tags: geometry.tags.clone(), tets, ..TetMesh::default() };
-    let Surface { nodes, triangles } = Surface::from_mesh(&mesh);
+    let Surface { nodes, triangles } = Surface::from_mesh(&geometry.mesh());
     (nodes, triangles)
 }

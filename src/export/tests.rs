@@ -1,7 +1,8 @@
 //! `deform` from a scene and a pose file, against beams and against what is found by hand from unit poses.
 
 use super::batch::solve;
-use super::{PoseRequest, ResultSet, ask};
+use super::shape::Shape;
+use super::{Files, PoseRequest, ResultSet, ask};
 use crate::deform::{Wrench, pose_file};
 use crate::prepare::Resolved;
 use nalgebra::{Matrix6, Vector6};
@@ -203,4 +204,54 @@ fn a_pushed_end_yields_where_linear_theory_says() {
     let force = first.wrenches.as_ref().unwrap()[1].force.z;
     let beam = 3.0 * 1e9 * 0.1_f64.powi(4) / 12.0 * 0.01 * share;
     assert!((force / beam - 1.0).abs() < 0.03, "{force} {beam}");
+}
+
+/// Loads, a free end, a pull beyond small strain: with all nodes the same is told, and the same surface is drawn.
+#[test]
+fn all_nodes_tell_what_the_surface_tells() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[body.bar]\ngenerate = { block = { size = [1.0, 0.1, 0.1], cells = [10, 1, 1] } }\nelement = \"tet10\"\n\
+                material = { young = 1e6, poisson = 0.3, density = 1000.0, limit = { stress = 3e4 } }\nmodel = \"linear\"\n\
+                effects = [\"haptics\", \"stress\"]\ngravity = true\n\
+                control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+    let poses = "[[pose]]\nname = \"sags\"\ncontrol.right = { force = [0, 0, -0.1] }\n\
+                 [[pose]]\nname = \"heavy\"\nload.gravity = [0, -40, 0]\ncontrol.right = { force = [0, 0, -0.1] }\n\
+                 [[pose]]\nname = \"bent\"\ncontrol.right = { matrix = [[0.88, -0.48, 0], [0.48, 0.88, 0], [0, 0, 1]] }\n\
+                 [[pose]]\nname = \"pulled\"\ncontrol.right = { translation = [0.1, 0, 0] }\n";
+    let scene = Resolved::parse(text, &folder.path().join("bar.toml")).unwrap();
+    let path = Path::new("poses.toml");
+    let poses = pose_file::parse(poses, path).unwrap();
+    let asked: Vec<PoseRequest<'_>> = poses.iter().map(|pose| ask(&scene, pose, path).unwrap()).collect();
+    let [summed, anew] = [false, true].map(|all| solve(&scene, &asked, None, all).unwrap().0);
+    assert_eq!((summed.results.len(), anew.results.len()), (4, 4));
+    let near = |one: f64, other: f64, within: f64| (one - other).abs() <= within * one.abs().max(other.abs());
+    for (one, other) in summed.results.iter().zip(&anew.results) {
+        let [a, b] = [one, other].map(|result| result.stress.as_ref().unwrap().reached);
+        assert!(near(a.von_mises.0, b.von_mises.0, 1e-5), "{}: {a:?} {b:?}", one.pose);
+        assert!(near(a.strain.0, b.strain.0, 1e-5) && near(a.passed, b.passed, 1e-5), "{a:?} {b:?}");
+        assert_eq!(one.told.beyond, other.told.beyond, "{}", one.pose);
+        let [a, b] = [one, other].map(|result| result.told.first_yield.as_ref().map(|first| first.share));
+        assert!(a.zip(b).is_none_or(|(a, b)| near(a, b, 1e-3)) && a.is_some() == b.is_some(), "{a:?} {b:?}");
+    }
+    let told = |set: &ResultSet| set.results.iter().filter(|result| result.told.beyond.is_some()).count();
+    let yielding = |set: &ResultSet| set.results.iter().filter(|r| r.told.first_yield.is_some()).count();
+    assert!(told(&anew) > 0 && yielding(&anew) > 1, "{} {}", told(&anew), yielding(&anew));
+    let drawn = |set: &ResultSet| Shape::list(&set.of_pose("bent"))[0].triangles.len();
+    assert_eq!(drawn(&summed), drawn(&anew));
+}
+
+/// Of a pose that is no longer found, no file of an earlier run stays.
+#[test]
+fn files_of_a_pose_that_is_missed_now_are_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let files =
+        Files::new(&folder.path().join("out"), &["stl".to_owned()], vec!["guided".to_owned()]).unwrap();
+    let mut set = solved("linear", "tet4", PUSHED);
+    files.write(&set).unwrap();
+    let surface = folder.path().join("out.guided.stl");
+    assert!(surface.exists());
+    set.results.retain(|result| result.pose != "guided");
+    files.write(&set).unwrap();
+    assert!(!surface.exists());
 }

@@ -62,6 +62,11 @@ impl Requirements {
         rest
     }
 
+    /// The families alone, without what effects own.
+    pub fn only_families(&self) -> Requirements {
+        Requirements { sections: BTreeSet::new(), ..self.clone() }
+    }
+
     pub fn has(&self, family: Family) -> bool {
         self.families.contains(family.name)
     }

@@ -8,8 +8,8 @@ pub struct View(Matrix3<f64>);
 /// Cosine from which a direction is taken for the nearest axis of the body.
 const NEAR_AXIS: f64 = 0.9;
 /// Angle of the eye above the picture plane's normal, rad.
-/// Angle of the eye to the side, rad.
 const ABOVE: f64 = 0.22;
+/// Angle of the eye to the side, rad.
 const ASIDE: f64 = 0.18;
 
 /// The largest extent, m; `None` without one.
