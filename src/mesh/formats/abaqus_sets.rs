@@ -238,7 +238,8 @@ impl Sets {
             let group = raw.groups.entry(set.name.clone()).or_default();
             for &element in members {
                 let first = corners[element as usize];
-                for tag in &raw.corners[first..first + 4] {
+                for tag in &raw.corners[first..first + usize::from(raw.elements[element as usize].kind.nodes)]
+                {
                     // A node that the file does not define is refused when the mesh is put together.
                     let found = nodes.binary_search_by_key(tag, |(tag, _)| *tag);
                     group.extend(found.ok().map(|found| nodes[found].1));

@@ -6,6 +6,7 @@
 
 mod obj;
 mod ply;
+mod polygon;
 mod stl;
 mod words;
 
@@ -97,7 +98,7 @@ impl Places {
     }
 }
 
-/// Joins vertices at one place, cuts polygons into fans, and drops triangles that name a vertex twice or
+/// Joins vertices at one place, cuts polygons into triangles, and drops triangles that name a vertex twice or
 /// stand in the file twice.
 fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
     let mut notices = raw.notices;
@@ -123,7 +124,7 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
         }
         index.push(welded);
     }
-    let (mut many_sided, mut degenerate, mut doubled) = (0, 0, 0);
+    let (mut many_sided, mut crossing, mut degenerate, mut doubled) = (0, 0, 0, 0);
     let mut seen = BTreeSet::new();
     let mut rest = raw.corners.as_slice();
     for &(sides, at) in &raw.polygons {
@@ -131,8 +132,8 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
             .split_at_checked(sides as usize)
             .ok_or_else(|| FormatFault::at(at, "the face has fewer corners than it says"))?;
         rest = after;
-        let corner = |i: usize| -> Result<u32, FormatFault> {
-            let named = polygon[i] as usize;
+        let corner = |named: &u32| -> Result<u32, FormatFault> {
+            let named = *named as usize;
             index.get(named).copied().ok_or_else(|| {
                 let reason = format!("a face names vertex {}, and there are {}", named + 1, index.len());
                 FormatFault::at(at, reason)
@@ -143,8 +144,14 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
             continue;
         }
         many_sided += usize::from(sides > 3);
-        for i in 2..sides as usize {
-            let triangle = [corner(0)?, corner(i - 1)?, corner(i)?];
+        let corners: Vec<u32> = polygon.iter().map(corner).collect::<Result<_, _>>()?;
+        let places: Vec<Vector3<f64>> = corners.iter().map(|&at| surface.vertices[at as usize]).collect();
+        let cut = polygon::triangles(&places).unwrap_or_else(|| {
+            crossing += 1;
+            (2..corners.len()).map(|i| [0, i - 1, i]).collect()
+        });
+        for triangle in cut {
+            let triangle = triangle.map(|position| corners[position]);
             let [a, b, c] = triangle;
             if a == b || b == c || c == a {
                 degenerate += 1;
@@ -165,6 +172,9 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
     }
     if many_sided > 0 {
         notices.push(format!("{many_sided} faces of more than three corners were cut into triangles"));
+    }
+    if crossing > 0 {
+        notices.push(format!("{crossing} faces cross themselves, and their triangles lie over each other"));
     }
     if degenerate > 0 {
         notices.push(format!("{degenerate} faces of fewer than three different vertices were dropped"));
