@@ -1,6 +1,6 @@
 // Superposition: x = X + Σ w u over the columns that have a weight. Each thread computes four consecutive numbers of the
 // position array, and reads four columns at a time. Columns lie one after the other, so neighbouring threads read
-// neighbouring memory. Its twin on the CPU is src/deform/superposition.rs.
+// neighbouring memory. Its twin on the CPU is src/deform/kernel/superposition.rs.
 
 // Four columns and their weights: coefficient times scale.
 struct Terms {

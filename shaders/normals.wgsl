@@ -1,6 +1,6 @@
 // Vertex normals: each thread gathers the cross products of the triangles around one vertex, which weighs them by
 // area, and normalises their sum; a vertex whose triangles vanish gets (0, 0, 0). Its twin on the CPU is
-// src/deform/normals.rs.
+// src/deform/kernel/surface.rs.
 
 @group(0) @binding(0) var<storage, read> positions: array<f32>;
 // Where the corners of each vertex of the chunk start; one more for the end.

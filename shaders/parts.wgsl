@@ -1,5 +1,5 @@
 // Several rigid parts: each thread moves one vertex y, deformed already, to x = Σ w (R y + t) over the parts that move it.
-// Its Rust twin is in src/deform/parts.rs.
+// Its Rust twin is in src/deform/kernel/parts.rs.
 
 struct Share {
     part: u32,

@@ -66,7 +66,7 @@ impl PictureRequest {
         let mut playback = Playback::new(session, self.frames)?;
         let frames = if playback.moves() { self.frames } else { 1 };
         if frames < self.frames {
-            notice!("one frame instead of {}: without a script nothing moves (--script bend)", self.frames);
+            notice!("one frame instead of {}: without a script no time passes (--script bend)", self.frames);
         }
         let bar = indicatif::ProgressBar::new(frames as u64).with_message("frames");
         let mut chosen = SheetFrames::new(frames);

@@ -65,7 +65,6 @@ pub(super) struct Kind {
     /// Whether the colours of a field are shown.
     pub field: bool,
     /// Whether it is bent beyond its model.
-    /// Bent beyond its model.
     pub hatched: bool,
     /// Whether it has soft shadows.
     pub shadowed: bool,

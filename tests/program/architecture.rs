@@ -385,6 +385,19 @@ fn every_module_opens_with_its_documentation() {
     assert!(silent.is_empty(), "without a first line of documentation: {silent:?}");
 }
 
+#[test]
+fn shaders_name_twins_that_are_there() {
+    let missing: Vec<String> = files("shaders", "wgsl")
+        .iter()
+        .flat_map(|(shader, text)| text.split_whitespace().map(move |word| (shader, word)))
+        .filter_map(|(shader, word)| Some((shader, &word[word.find("src/")?..])))
+        .map(|(shader, path)| (shader, path.trim_end_matches(|c: char| !c.is_alphanumeric())))
+        .filter(|(_, path)| !root().join(path).exists())
+        .map(|(shader, path)| format!("{shader} names {path}"))
+        .collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
 /// A module that cannot be named from outside needs no row; one that can is in the crate's own table.
 #[test]
 fn the_crates_documentation_lists_every_public_module() {

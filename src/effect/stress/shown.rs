@@ -283,7 +283,7 @@ impl RunningEffect for Shown {
     }
 
     fn show(&mut self, world: &World, frame: &mut Frame) {
-        for body in &self.bodies {
+        for body in self.bodies.iter().filter(|body| !body.is_beyond) {
             if let Some((_, limit)) = body.now.limit.filter(|(part, _)| *part > 1.0) {
                 let name = &body.name;
                 frame.warnings.push(format!(
