@@ -318,10 +318,7 @@ fn abaqus_sets_become_groups_and_regions() {
 
     let [_, (_, mut ten)] = small::quadratic().try_into().unwrap();
     ten.extend(b"*ELSET, ELSET=first\n1\n*ELSET, ELSET=second\n1\n");
-    let groups = greenstage::mesh::parse_as(Path::new("ten.inp"), &ten, greenstage::mesh::Order::Quadratic)
-        .unwrap()
-        .mesh
-        .groups;
+    let groups = parse_as(Path::new("ten.inp"), &ten, Order::Quadratic).unwrap().mesh.groups;
     assert!(
         ["first", "second"].iter().all(|name| groups[*name] == [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]),
         "{groups:?}"
