@@ -28,4 +28,5 @@ pub mod slide;
 pub mod statistics;
 pub mod strips;
 pub mod table;
+pub mod teams;
 pub mod text;

@@ -18,9 +18,10 @@ use super::found::{self, Found, Known};
 use super::screw_paths::{Path, screw_motion};
 use crate::base::machine;
 use crate::base::random::Random;
+use crate::base::teams::each_in_teams;
 use crate::fem::dense_fields::{add, beside, combined};
-use crate::fem::{Hyperelastic, Law, NodeFields};
-use crate::solve::{Equilibrium, Newton, Progress, SolveError, Solver};
+use crate::fem::{Hyperelastic, Law, NodeFields, Partition};
+use crate::solve::{Equilibrium, LinearSolver, Newton, Progress, SolveError, Solver};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -144,7 +145,7 @@ pub struct SmallMotion {
 /// c at the steps of all paths, and where their motions are small.
 pub fn motions(solution: &Solution) -> DMatrix<f64> {
     let paths = directions(solution);
-    let of = |(path, _, steps): &(Path, PathKind, &'static [f64])| {
+    let of = |(path, _, steps): &DirectedPath| {
         let shares = std::iter::once(SMALL).chain(steps.iter().copied());
         shares.map(|share| seen(solution, path, share).column(0).into_owned()).collect::<Vec<_>>()
     };
@@ -172,17 +173,21 @@ pub fn equilibria(
     // Of the fields: as they are found, side by side, what the others miss of them, and its forces; of two tangents: K, A and factor.
     let fields = 4.0 * 24.0 * (usual * solution.mesh.nodes.len()) as f64;
     let tangents = 2.0 * (24.0 * assembled.k.scalar_entries() as f64 + solver.memory(&a, 1));
-    machine::expect(format!("the equilibria of the model \"{model}\""), fields + tangents)
+    let needed = |teams: usize| fields + teams as f64 * tangents;
+    let fitting =
+        (2..=rayon::current_num_threads()).rev().find(|teams| machine::fits("", needed(*teams), 0.0).is_ok());
+    let teams = fitting.unwrap_or(1);
+    machine::expect(format!("the equilibria of the model \"{model}\""), needed(teams))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     drop(a);
-    let newton = Newton {
+    let walk = Walk {
         body: &body,
         partition: assembled.partition,
-        solver: Some(solver.as_ref()),
-        loads: None,
+        solver: solver.as_ref(),
         last_step: LAST_STEP,
+        law,
+        solution,
     };
-    let walk = Walk { newton, law, solution };
     let key = assembled.caching.and_then(|_| found::key(law, assembled, solution));
     let identity = || key;
     let mut earlier = Known::open(assembled.caching, key, &identity, solution.mesh.nodes.len());
@@ -193,23 +198,10 @@ pub fn equilibria(
     let (mut fields, mut coefficients) = (Vec::new(), Vec::new());
     let (mut energies, mut inverted) = (Vec::new(), Vec::new());
     let (mut small, mut whole, mut known) = (Vec::new(), 0, Vec::new());
-    progress.begin("equilibria at large turns", paths.len() as u64);
-    for (number, (path, kind, steps)) in paths.iter().enumerate() {
+    let found = walk.on_all(&paths, &mut earlier, teams, progress).map_err(failed)?;
+    for ((path, kind, _), found) in paths.iter().zip(found) {
         let of = |share: f64| seen(solution, path, share);
-        let found = match earlier.on(number) {
-            Some(found) => found,
-            None => {
-                let found = walk.equilibria_on(path, steps).map_err(failed)?;
-                let found = found
-                    .into_iter()
-                    .map(|(share, found)| of_equilibrium(solution, &of(share), share, found));
-                let found: Vec<Found> = found.collect();
-                earlier.keep(number, &found);
-                found
-            }
-        };
         known.extend(found.iter().map(|found| known_equilibrium(*kind, &of(found.share), found)));
-        progress.advance(1);
         if *kind == PathKind::HeldOut {
             continue;
         }
@@ -230,7 +222,6 @@ pub fn equilibria(
             energies.push(found.energy);
         }
     }
-    progress.end();
     earlier.finish();
     let fields: Vec<&NodeFields> = fields.iter().collect();
     Ok((!fields.is_empty()).then(|| Equilibria {
@@ -246,14 +237,63 @@ pub fn equilibria(
     }))
 }
 
+/// A path, its kind, and the shares of it at which equilibria are sought.
+type DirectedPath = (Path, PathKind, &'static [f64]);
+
 /// The way along paths from rest.
 struct Walk<'a> {
-    newton: Newton<'a>,
+    body: &'a Hyperelastic,
+    partition: &'a Partition,
+    solver: &'a dyn LinearSolver,
+    last_step: f64,
     law: &'static Law,
     solution: &'a Solution,
 }
 
 impl Walk<'_> {
+    /// The equilibria on each path, several paths at a time; those that are known are not sought, the others become known.
+    fn on_all(
+        &self,
+        paths: &[DirectedPath],
+        known: &mut Known<'_>,
+        teams: usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Vec<Found>>, SolveError> {
+        progress.begin("equilibria at large turns", paths.len() as u64);
+        let mut all: Vec<Option<Vec<Found>>> = (0..paths.len()).map(|number| known.on(number)).collect();
+        let sought: Vec<usize> = (0..paths.len()).filter(|number| all[*number].is_none()).collect();
+        progress.advance((paths.len() - sought.len()) as u64);
+        let mut failure = None;
+        let job = |at: usize| {
+            let (path, _, steps) = &paths[sought[at]];
+            let found = self.equilibria_on(path, steps)?.into_iter();
+            let of = |(share, found)| {
+                of_equilibrium(self.solution, &seen(self.solution, path, share), share, found)
+            };
+            Ok(found.map(of).collect::<Vec<Found>>())
+        };
+        each_in_teams(teams, sought.len(), job, |at, found| {
+            match found {
+                Ok(found) => {
+                    known.keep(sought[at], &found);
+                    all[sought[at]] = Some(found);
+                }
+                Err(error) => failure = Some(error),
+            }
+            progress.advance(1);
+        });
+        progress.end();
+        match failure {
+            Some(failure) => Err(failure),
+            None => Ok(all.into_iter().flatten().collect()),
+        }
+    }
+
+    fn newton(&self) -> Newton<'_> {
+        let Walk { body, partition, solver, last_step, .. } = *self;
+        Newton { body, partition, solver: Some(solver), loads: None, last_step }
+    }
+
     /// The equilibria on a path as far as they are found, each with its share of it: at `steps`, and where a step was halved.
     fn equilibria_on(&self, path: &Path, steps: &[f64]) -> Result<Vec<(f64, Equilibrium)>, SolveError> {
         let (mut found, mut from, mut before) = (Vec::<(f64, Equilibrium)>::new(), 0.0, 0.0);
@@ -271,7 +311,7 @@ impl Walk<'_> {
                 let is_pressed = volume > 0.0 && volume < PRESSED_VOLUME;
                 let least = if is_pressed { LEAST_STEP_PRESSED } else { LEAST_STEP };
                 let held = |_: f64, u: &mut NodeFields| hold(self.solution, path, share, u);
-                let mut next = self.newton.step_to(u, &mut tangent, &held)?;
+                let mut next = self.newton().step_to(u, &mut tangent, &held)?;
                 if next.as_ref().is_some_and(|next| !self.is_sound(next)) {
                     (next, tangent) = (None, None);
                 }
@@ -303,7 +343,7 @@ impl Walk<'_> {
         let mut guess = u.clone();
         add(&mut guess, 1.0, &combined(&self.solution.fields, &moved));
         hold(self.solution, path, to, &mut guess);
-        Ok(self.newton.settle_near(guess)?.filter(|found| self.is_sound(found)))
+        Ok(self.newton().settle_near(guess)?.filter(|found| self.is_sound(found)))
     }
 
     /// Whether a state is an equilibrium of the law.
@@ -324,7 +364,7 @@ fn least_volume(found: &Equilibrium) -> f64 {
 }
 
 /// The paths with their steps: half of each motion to either element.
-fn directions(solution: &Solution) -> Vec<(Path, PathKind, &'static [f64])> {
+fn directions(solution: &Solution) -> Vec<DirectedPath> {
     let way = solution.controls[1].origin - solution.controls[0].origin;
     let axis = way.try_normalize(0.0).unwrap_or_else(Vector3::x);
     let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
@@ -418,7 +458,7 @@ fn motion(solution: &Solution, path: &Path, share: f64, e: usize) -> (Vector3<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::{Lame, NEO_HOOKEAN, Partition, TET4};
+    use crate::fem::{Lame, NEO_HOOKEAN, TET4};
     use crate::green::{self, Requirements};
     use crate::scene::Scene;
     use crate::solve::{Followed, LAST_STEP as EXACT, Silent};
@@ -440,18 +480,18 @@ mod tests {
         let rest = NodeFields::zeros(mesh.nodes.len(), 1);
         let a = partition.a(&body.tangent(&body.gradients(&rest)));
         let solver = Solver::default().analyse(&a, &Silent).unwrap();
-        let newton = Newton {
+        let walk = Walk {
             body: &body,
             partition: &partition,
-            solver: Some(&*solver),
-            loads: None,
+            solver: &*solver,
             last_step: EXACT,
+            law: &NEO_HOOKEAN,
+            solution: &solution,
         };
-        let walk = Walk { newton, law: &NEO_HOOKEAN, solution: &solution };
         let path: Path = [-0.5, 0.5].map(|half| (Vector3::zeros(), turn * (half * TURN))).to_vec();
         let found = walk.equilibria_on(&path, &STEPS).unwrap();
         let way = |share: f64, u: &mut NodeFields| hold(&solution, &path, share, u);
-        (found, walk.newton.follow(rest, 24, &way, &Silent).unwrap())
+        (found, walk.newton().follow(rest, 24, &way, &Silent).unwrap())
     }
 
     /// A plate that is bent in its own plane buckles out of it: the state at the end of the way is the one to which small steps lead.
