@@ -174,9 +174,9 @@ pub fn equilibria(
     let fields = 4.0 * 24.0 * (usual * solution.mesh.nodes.len()) as f64;
     let tangents = 2.0 * (24.0 * assembled.k.scalar_entries() as f64 + solver.memory(&a, 1));
     let needed = |teams: usize| fields + teams as f64 * tangents;
-    let fitting =
-        (2..=rayon::current_num_threads()).rev().find(|teams| machine::fits("", needed(*teams), 0.0).is_ok());
-    let teams = fitting.unwrap_or(1);
+    // Of the memory that is left, no more than half for speed alone.
+    let is_spare = |teams: &usize| machine::fits("", 2.0 * needed(*teams), 0.0).is_ok();
+    let teams = (2..=rayon::current_num_threads()).rev().find(is_spare).unwrap_or(1);
     machine::expect(format!("the equilibria of the model \"{model}\""), needed(teams))
         .map_err(|source| GreenError::Memory { body: assembled.place.to_owned(), source })?;
     drop(a);
