@@ -11,7 +11,6 @@ use crate::effect::{self, Resolved};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::window::Key;
-use crate::stage::Stage;
 use crate::track::{Mouse, MouseInput, Script};
 use crate::world::assets::PATIENCE;
 use crate::world::{Input, World};
@@ -86,9 +85,9 @@ impl Session {
         Ok(())
     }
 
-    /// Starts the trackers; `stage` is the world's own stage, perhaps with redirected addresses.
-    pub fn start_trackers(&mut self, stage: &Stage) -> Result<(), Failure> {
-        self.input.trackers = super::trackers::start(stage, &mut self.world.effects)?;
+    /// Starts the trackers of the world's stage.
+    pub fn start_trackers(&mut self) -> Result<(), Failure> {
+        self.input.trackers = super::trackers::start(&self.world.assets.stage, &mut self.world.effects)?;
         Ok(())
     }
 
