@@ -55,10 +55,27 @@ struct Followed {
 struct Hand {
     name: String,
     sensor: usize,
-    grab: Option<(usize, i32)>,
-    second: Option<(usize, i32)>,
-    /// After the stylus or a connection was lost, a button counts again only once it was seen released.
+    /// The one that grabs, and the second one.
+    buttons: [Option<HandButton>; 2],
+}
+
+struct HandButton {
+    tracker: usize,
+    number: i32,
+    /// After the stylus or the button's tracker was lost, it counts again only once it was seen released.
     must_release: bool,
+}
+
+impl HandButton {
+    /// Whether it is down and counts. A button of a tracker that is not connected is up.
+    fn is_pressed(&mut self, tracker: &mut Running, is_lost: bool, now_s: f64) -> bool {
+        let greets = tracker.there_since_s.is_none_or(|since_s| now_s - since_s < GREETING_S);
+        let state = tracker.source.latest();
+        let is_down =
+            is_there(&state.link) && state.buttons.get(&self.number).is_some_and(|reading| reading.value);
+        self.must_release = is_lost || greets || self.must_release && is_down;
+        is_down && !self.must_release
+    }
 }
 
 /// A tracker that has just connected reports within this time which buttons are down, s: these were not pressed now.
@@ -99,15 +116,14 @@ impl TrackerSet {
             })
         });
         let button = |id: &Option<ButtonId>| {
-            id.as_ref().and_then(|id| tracker_of(&id.tracker).map(|tracker| (tracker, id.button)))
+            let id = id.as_ref()?;
+            Some(HandButton { tracker: tracker_of(&id.tracker)?, number: id.button, must_release: true })
         };
         let styli = tracking.styli.iter().filter_map(|(name, stylus)| {
             Some(Hand {
                 name: name.clone(),
                 sensor: sensor_of(&stylus.sensor)?,
-                grab: button(&stylus.grab),
-                second: button(&stylus.second),
-                must_release: true,
+                buttons: [button(&stylus.grab), button(&stylus.second)],
             })
         });
         TrackerSet {
@@ -134,7 +150,7 @@ impl TrackerSet {
     /// Head and styli at `now_s` (the clock of [`now_s`]), predicted as each sensor's `predict` says.
     ///
     /// The head is `None` until its sensor was tracked; until then the stage's viewer holds. A lost stylus has its last pose,
-    /// [`Signal::Lost`], and no button pressed. After it came back, or after its buttons' tracker was gone, a button counts
+    /// [`Signal::Lost`], and no button pressed. After it came back, or after a button's tracker was gone, that button counts
     /// only once it was seen released.
     pub fn state(&mut self, now_s: f64) -> TrackerState {
         self.update(now_s);
@@ -143,19 +159,16 @@ impl TrackerSet {
         for hand in &mut self.styli {
             let followed = &self.sensors[hand.sensor];
             let signal = followed.follower.signal;
-            let trackers = &mut self.trackers;
-            let [grab, second] =
-                [hand.grab, hand.second].map(|button| button.is_some_and(|id| is_pressed(trackers, id)));
-            let of_hand =
-                || [hand.grab, hand.second].into_iter().flatten().map(|(tracker, _)| &trackers[tracker]);
-            let greets =
-                |running: &Running| running.there_since_s.is_none_or(|since_s| now_s - since_s < GREETING_S);
-            let is_lost = matches!(signal, Signal::Lost { .. }) || of_hand().any(greets);
-            hand.must_release = is_lost || hand.must_release && (grab || second);
+            let is_lost = matches!(signal, Signal::Lost { .. });
+            let [pressed, second] = hand.buttons.each_mut().map(|button| {
+                button.as_mut().is_some_and(|button| {
+                    button.is_pressed(&mut self.trackers[button.tracker], is_lost, now_s)
+                })
+            });
             styli.push(StylusState {
                 room_from_stylus: followed.pose.unwrap_or_else(Isometry3::identity).cast(),
-                pressed: grab && !hand.must_release,
-                second: second && !hand.must_release,
+                pressed,
+                second,
                 signal,
                 from_eye: false,
             });
@@ -311,12 +324,6 @@ fn push(notices: &mut Vec<String>, notice: String) {
 
 fn is_there(link: &Link) -> bool {
     matches!(link, Link::Up | Link::Quiet)
-}
-
-/// A button of a tracker that is not connected counts as released.
-fn is_pressed(trackers: &mut [Running], (tracker, button): (usize, i32)) -> bool {
-    let state = trackers[tracker].source.latest();
-    is_there(&state.link) && state.buttons.get(&button).is_some_and(|reading| reading.value)
 }
 
 #[cfg(test)]
