@@ -28,7 +28,7 @@ use crate::session::change::Step;
 use crate::session::keys::scale;
 use crate::session::{Change, Session, Steps};
 use crate::stage::Stage;
-use editor::{Editor, Sketches};
+use editor::{Editor, Sketches, Unsaved};
 use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
@@ -66,8 +66,8 @@ pub struct Desk {
     orders: Vec<Order>,
     /// Rectangles of panel and messages in the window.
     covered: Vec<egui::Rect>,
-    /// Whether it was warned that unsaved work would be lost.
-    is_warned: bool,
+    /// The work about which it was warned that it would be lost.
+    warned: Unsaved,
     started: Instant,
 }
 
@@ -90,7 +90,7 @@ impl Default for Desk {
             begun: 0,
             orders: Vec::new(),
             covered: Vec::new(),
-            is_warned: false,
+            warned: Unsaved::new(),
             started: Instant::now(),
         }
     }
@@ -204,6 +204,9 @@ impl Desk {
     pub fn step(&mut self, session: &mut Session) -> After {
         for order in std::mem::take(&mut self.orders) {
             self.follow(order, session);
+        }
+        if !self.warned.is_empty() && self.warned != self.sketches.unsaved() {
+            self.warned.clear();
         }
         if let Some(draft) = &self.draft
             && let Err(failure) = self.sketches.load(&draft.scene)
@@ -345,7 +348,7 @@ impl Desk {
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
-        self.sketches.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
+        self.sketches.were_saved();
         if is_shown && draft.is_on_shown_stage(&scene) {
             session.scene = Some(Resolved::new(saved)?);
             session.is_saved = true;
@@ -359,12 +362,16 @@ impl Desk {
         editor.map(|editor| editor.instance(gpu, &session.world)).transpose()
     }
 
-    /// Warns of work that no file holds, once, so that a second Escape quits; returns whether it did.
+    /// Warns of work that no file holds, once while nothing of it changes, so that a second Escape quits; returns whether it
+    /// did.
     pub fn keeps_open(&mut self) -> bool {
-        let warning = self.sketches.warning().filter(|_| !self.is_warned);
-        self.is_warned |= warning.is_some();
-        warning.iter().for_each(|warning| self.messages.wrong(warning));
-        warning.is_some()
+        let unsaved = self.sketches.unsaved();
+        let warns = !unsaved.is_empty() && unsaved != self.warned;
+        if warns {
+            self.messages.wrong(&editor::warning(&unsaved));
+        }
+        self.warned = unsaved;
+        warns
     }
 
     /// The path of the next .green file: beside nothing of the user's, until a scene is saved.
