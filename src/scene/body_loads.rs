@@ -21,7 +21,12 @@ impl Body {
         let kept = if self.solver.method.keeps_factor { KeptForm::Factor } else { usual };
         let nodes = SurfaceNodes::All(Whole::Surface);
         self.surface_compliance =
-            Some(SurfaceCompliance { nodes, take: Take::default(), spring: None, kept });
+            Some(SurfaceCompliance { nodes, take: Take::default(), spring: None, kept, is_added: true });
+    }
+
+    /// Takes back what [`Body::be_pressed`] added, so that another choice of effects does not keep it.
+    pub fn forget_added(&mut self) {
+        self.surface_compliance.take_if(|compliance| compliance.is_added);
     }
 
     /// All its loads, in the order of their columns.

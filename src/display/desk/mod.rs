@@ -344,6 +344,7 @@ impl Desk {
     fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
         let Some(draft) = &mut self.draft else { return Ok(()) };
         let (scene, _) = draft.wanted(session, self.sketches.open.as_ref())?;
+        let scene = Resolved::new(scene)?;
         let is_shown = session.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
