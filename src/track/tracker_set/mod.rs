@@ -22,7 +22,7 @@ pub use report::{ChannelReport, SensorReport, TrackerReport};
 use super::device::{DeviceState, Link, Source, now_s};
 use super::state::{Signal, StylusState, TrackerState};
 use crate::stage::Tracking;
-use crate::stage::tracking::{ButtonId, TrackerSource};
+use crate::stage::tracking::{ButtonId, TrackerFrame, TrackerSource};
 use nalgebra::Isometry3;
 
 /// The running trackers of a stage; their sources stop when it is dropped.
@@ -38,6 +38,7 @@ pub struct TrackerSet {
 struct Running {
     name: String,
     source: Box<dyn Source>,
+    frame: TrackerFrame,
     link: Link,
     reconnects: u64,
     was_there: bool,
@@ -129,11 +130,12 @@ impl TrackerSet {
         TrackerSet {
             trackers: tracking
                 .trackers
-                .keys()
+                .iter()
                 .zip(sources)
-                .map(|(name, source)| Running {
+                .map(|((name, tracker), source)| Running {
                     name: name.clone(),
                     source,
+                    frame: tracker.frame,
                     link: Link::Waiting,
                     reconnects: 0,
                     was_there: false,
@@ -231,10 +233,9 @@ impl TrackerSet {
                 .collect();
             let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
             let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
-            let frame = named.first().map(|followed| followed.follower.frame);
             sensors.extend(unnamed.map(|(id, reading)| {
                 let report = report::sensor(*id, Some(reading), now_s);
-                let in_room = frame.zip(report.raw).map(|(frame, raw)| frame.room_from_sensor(&raw));
+                let in_room = report.raw.map(|raw| running.frame.room_from_sensor(&raw));
                 SensorReport { in_room, ..report }
             }));
             reports.push(TrackerReport {

@@ -180,6 +180,18 @@ fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_release
 }
 
 #[test]
+fn a_sensor_is_placed_in_the_room_before_any_has_a_name() {
+    let keys = "[tracker.a]\nosc = \"0\"\nroom_from_tracker = { position = [1.0, 0.0, 0.0] }\n";
+    let text = format!("{}{keys}", crate::stage::BUILT_IN[0].1);
+    let tracking = Stage::parse(&text, Path::new("a.toml")).unwrap().tracking;
+    let a = FakeSource::default();
+    let mut trackers = TrackerSet::with_sources(&tracking, vec![Box::new(a.clone())], 0.0);
+    a.pose(5, 0.0, 0.5);
+    let reports = trackers.report(0.1);
+    assert_eq!(reports[0].sensors[0].in_room, Some(Isometry3::translation(1.5, 1.5, 0.0)));
+}
+
+#[test]
 fn a_dead_sensor_without_a_name_is_not_called_live() {
     let (mut trackers, a, _pad) = trackers();
     a.pose(5, 0.0, 0.0);
