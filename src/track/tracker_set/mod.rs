@@ -199,9 +199,9 @@ impl TrackerSet {
         std::mem::take(&mut self.notices)
     }
 
-    /// Name and newest raw state of every tracker, for passing them on.
-    pub fn devices(&mut self) -> impl Iterator<Item = (&str, &DeviceState)> {
-        self.trackers.iter_mut().map(|running| (running.name.as_str(), running.source.latest()))
+    /// The newest raw state of every tracker, for passing them on.
+    pub fn devices(&mut self) -> impl Iterator<Item = &DeviceState> {
+        self.trackers.iter_mut().map(|running| running.source.latest())
     }
 
     /// Names of the styli, in the order of [`TrackerState::styli`].
