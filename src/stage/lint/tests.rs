@@ -206,6 +206,11 @@ fn swapped_and_missing_eyes_are_told() {
     for screen in ["wall", "table"] {
         has(&both, &[&format!("warning: screen.{screen}"), "right of the right eye's: are"]);
     }
+    let text = with("workbench", &pairs([[0, 0], [1280, 0], [0, 1024], [1280, 1024]]));
+    let all_swapped = found_on(&monitors(2), &format!("swap_eyes = true\n{text}"));
+    for screen in ["wall", "table"] {
+        has(&all_swapped, &[&format!("warning: screen.{screen}"), "right of the right eye's: are"]);
+    }
     let one = "[[window]]\nscreen = \"wall\"\nstereo = \"left\"\n";
     let missing = more(&[], one);
     has(&missing, &["warning: screen.table", "no window shows it"]);
