@@ -400,4 +400,9 @@ fn loudspeakers_that_cannot_be_right_are_named_with_the_remedy() {
         .replace("2.4, 1.5]\n\n[[loud", "1.6, 1.5]\n\n[[loud")
         .replace("[1.5, 2.4, 1.5]", "[1.5, 1.6, 1.5]");
     has(&found_on(&[], &low), &["warning: loudspeakers: nothing sounds from above", "° aside"]);
+    let front = with("cyberstage", "").replace(", 1.5]\n\n", ", -1.5]\n\n");
+    let front = front.replace("position = [1.5, 2.4, 1.5]", "position = [1.5, 2.4, -1.5]");
+    has(&found_on(&[], &front), &["warning: loudspeakers: nothing sounds from behind"]);
+    let to_the_left = front.replace("target = [0.0, 1.20, -0.60]", "direction = [-1, 0, 0]");
+    has(&found_on(&[], &to_the_left), &["warning: loudspeakers: nothing sounds from left"]);
 }
