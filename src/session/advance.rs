@@ -216,17 +216,15 @@ impl Session {
         }
     }
 
-    /// Takes a key that is pressed or released. Any but function and modifier keys takes over from a script.
+    /// Takes a key that is pressed or released. It may take over from a script ([`keys::takes_over`]).
     pub fn key(&mut self, key: Key, pressed: bool) {
         if key == keys::NEXT_FIELD {
-            // This changes the picture only, so the script keeps leading.
             if pressed {
                 self.act(Action::NextField);
             }
             return;
         }
-        let is_neutral = matches!(key, Key::Function(_) | Key::Shift | Key::Control | Key::Alt);
-        if pressed && !is_neutral {
+        if pressed && keys::takes_over(key) {
             self.take_over();
         }
         let Some(control) = self.input.mouse.as_ref().map(|mouse| mouse.control) else { return };

@@ -25,7 +25,7 @@ use crate::prepare::Resolved;
 use crate::render::window::{Button, Glass, Input, Key, Windows};
 use crate::render::{BodyInstance, Gpu, Overlay, RenderError};
 use crate::session::change::Step;
-use crate::session::keys::scale;
+use crate::session::keys::{scale, takes_over};
 use crate::session::{Change, Session, Steps};
 use crate::stage::Stage;
 use editor::{Editor, Sketches, Unsaved};
@@ -97,8 +97,27 @@ impl Default for Desk {
 }
 
 impl Desk {
-    /// Takes an input, and returns it if it is meant for the scene. `ray` is that of the mouse at a place of a window.
+    /// Takes an input, and returns it if it is meant for the scene. `ray` is that of the mouse at a place of a window. A press
+    /// that is kept takes over from a script as one on the scene does.
     pub fn input(
+        &mut self,
+        input: Input,
+        session: &mut Session,
+        ray: impl FnOnce(usize, [f32; 2], &Session) -> Option<PickRay>,
+    ) -> Option<Input> {
+        let meant = self.meant_for_scene(input, session, ray);
+        let is_press = match input {
+            Input::Button { pressed, .. } => pressed,
+            Input::Key { key, pressed, .. } => pressed && takes_over(key),
+            _ => false,
+        };
+        if is_press && meant.is_none() {
+            session.take_over();
+        }
+        meant
+    }
+
+    fn meant_for_scene(
         &mut self,
         input: Input,
         session: &mut Session,
@@ -461,6 +480,30 @@ impl Desk {
             Some(Ok(told)) => notice!("{told}"),
             Some(Err(wrong)) => notice!("note: {wrong}"),
             None => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::Leader;
+    use crate::track::Script;
+
+    /// Tab, K and L left the script to lead.
+    #[test]
+    fn the_keys_of_the_desk_take_over_from_a_script() {
+        for (key, leader) in [
+            (Key::Tab, Leader::Nobody),
+            (Key::Char('k'), Leader::Nobody),
+            (Key::Char('l'), Leader::Nobody),
+            (Key::Function(8), Leader::Script),
+        ] {
+            let script = Script::find("bend").unwrap();
+            let mut session = Session::new(crate::world::tests::world(), Some(script));
+            let input = Input::Key { window: 0, key, pressed: true };
+            assert_eq!(Desk::default().input(input, &mut session, |_, _, _| None), None);
+            assert_eq!(session.input.leader(), leader, "{key:?}");
         }
     }
 }
