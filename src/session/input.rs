@@ -43,9 +43,6 @@ pub enum Leader {
     Nobody,
 }
 
-/// Pause between two rounds of a script, each of which starts at rest, s.
-const PAUSE_S: f64 = 1.0;
-
 /// Time between two checks whether sensors are where anyone can be, s.
 const LOOK_S: f64 = 1.0;
 
@@ -103,12 +100,11 @@ impl InputSource {
         }
         let mut state = match (&self.script, &mut self.mouse) {
             (Some(script), _) => {
-                let round_s = script.duration_s + PAUSE_S;
-                let round = (time_s / round_s) as u32;
+                let (round, in_round_s) = script.round_at(time_s);
                 if std::mem::replace(&mut self.round, round) != round {
                     changes.push(ScriptChange::Reset);
                 }
-                script.sample(stage, time_s % round_s)
+                script.sample(stage, in_round_s)
             }
             (None, Some(mouse)) => {
                 mouse.advance(step_s);
@@ -145,7 +141,7 @@ impl InputSource {
     pub fn loads(&self, time_s: f64) -> Vec<(String, f64)> {
         let leads = self.leader() == Leader::Script;
         let Some(script) = self.script.as_ref().filter(|_| leads) else { return Vec::new() };
-        let loads = script.loads(time_s % (script.duration_s + PAUSE_S));
+        let loads = script.loads(script.round_at(time_s).1);
         loads.map(|(name, value)| (name.to_owned(), value)).collect()
     }
 

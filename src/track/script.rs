@@ -124,6 +124,8 @@ pub enum KeyFrameFault {
 }
 
 const LONGEST_S: f64 = 86400.0;
+/// Pause between two rounds of a script, each of which starts at rest, s.
+const PAUSE_S: f64 = 1.0;
 
 /// N, N·m or Pa.
 const LARGEST_LOAD: f64 = 1e12;
@@ -239,6 +241,13 @@ impl Script {
             self.styli.iter().map(|(name, keys)| (name.as_str(), keys.as_slice())).collect();
         styli.sort_by_key(|(name, _)| place(name));
         styli
+    }
+
+    /// The round of the script, repeated after a pause, at `time_s` since its first start, counted from 0, and the time since that
+    /// round's start, s.
+    pub fn round_at(&self, time_s: f64) -> (u32, f64) {
+        let round_s = self.duration_s + PAUSE_S;
+        ((time_s / round_s) as u32, time_s % round_s)
     }
 
     /// The values of the loads at `time_s`, by their names.

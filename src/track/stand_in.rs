@@ -55,8 +55,6 @@ struct Hand {
     buttons: [Option<(usize, i32)>; 2],
 }
 
-/// The pause between two rounds of the script, s.
-const PAUSE_S: f64 = 1.0;
 /// The device of a stage without trackers.
 const USUAL_DEVICE: &str = "Tracker0";
 
@@ -106,7 +104,7 @@ impl StandIn {
         let due = (since_s * self.rate_hz) as u64 + 1;
         if due > self.readings {
             self.readings = due;
-            self.take(since_s.rem_euclid(self.script.duration_s + PAUSE_S));
+            self.take(self.script.round_at(since_s).1);
         }
     }
 
