@@ -5,7 +5,7 @@
 //! elements that are the same. A change that fails leaves the session as it was.
 
 use super::advance::Session;
-use crate::base::failure::Failure;
+use crate::base::failure::{self, Failure};
 use crate::base::progress::Progress;
 use crate::deform::Deformer;
 use crate::effect;
@@ -99,12 +99,7 @@ impl Change {
 
     /// Waits for the result.
     pub fn finish(self) -> Result<ChangeResult, Failure> {
-        let panicked = || {
-            Failure::Work(anyhow::anyhow!(
-                "the computation stopped unexpectedly; this is a bug in greenstage"
-            ))
-        };
-        self.thread.join().unwrap_or_else(|_| Err(panicked()))
+        failure::join(self.thread, "the computation")
     }
 }
 

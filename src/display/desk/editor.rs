@@ -5,7 +5,7 @@
 //! scene's bodies. [`Sketches`] holds the body in hand and the elements that were made earlier or on other bodies, until
 //! they are precomputed.
 
-use crate::base::failure::Failure;
+use crate::base::failure::{self, Failure};
 use crate::edit::{Canvas, Sketch, Touch};
 use crate::interact::PickRay;
 use crate::render::{BodyBuffers, BodyInstance, Gpu, RenderError};
@@ -57,12 +57,7 @@ impl Loading {
     }
 
     pub fn finish(self, scene: &Scene) -> Result<Editor, Failure> {
-        let panicked = || {
-            Failure::Work(anyhow::anyhow!(
-                "reading the mesh stopped unexpectedly; this is a bug in greenstage"
-            ))
-        };
-        let canvas = self.thread.join().unwrap_or_else(|_| Err(panicked()))?;
+        let canvas = failure::join(self.thread, "reading the mesh")?;
         let body = scene
             .body
             .get(&self.body)
