@@ -323,8 +323,7 @@ impl Script {
             if is_first {
                 self.loads.insert(name.clone(), Vec::new());
             } else if !self.loads.contains_key(name) {
-                let nearest = config::nearest(name, self.loads.keys().map(String::as_str));
-                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                let hint = hint(name, self.loads.keys());
                 return Err(KeyFrameFault::Unknown { who, hint });
             }
         }
@@ -335,8 +334,7 @@ impl Script {
             if is_first {
                 self.styli.insert(name.clone(), Vec::new());
             } else if !self.styli.contains_key(name) {
-                let nearest = config::nearest(name, self.styli.keys().map(String::as_str));
-                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                let hint = hint(name, self.styli.keys());
                 return Err(KeyFrameFault::Unknown { who: format!("stylus `{name}`"), hint });
             }
         }
@@ -349,6 +347,12 @@ impl Script {
         }
         Ok(())
     }
+}
+
+/// The nearest of the known names, as a question.
+fn hint<'a>(name: &str, known: impl Iterator<Item = &'a String>) -> String {
+    let nearest = config::nearest(name, known.map(String::as_str));
+    nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
 }
 
 fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, KeyFrameFault> {
