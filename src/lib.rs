@@ -61,7 +61,7 @@
 //! ```text
 //! track     udp::run → Parser::parse → DeviceState::take_pose → StatePublisher::publish_changed   (a thread per tracker)
 //! display   Application::frame                                                                    (once a frame)
-//! session     Session::advance → InputSource::state → trackers::merge → TrackerSet::state (Follower)
+//! session     Session::advance → InputSource::state → TrackerSet::state (Follower), trackers::merge
 //! effect        RunningEffect::input; the Input is whole now, and Recorder::frame writes it after the step
 //! world         World::step: commands, then the graph of fields:
 //!                 pick, Hands::step, PlacedBody::admit

@@ -2,6 +2,7 @@
 
 use super::output::OutputError;
 use std::fmt;
+use std::thread::JoinHandle;
 
 /// An error and the exit status it ends with.
 pub enum Failure {
@@ -31,6 +32,13 @@ impl Failure {
             Failure::Work(_) => 1,
         }
     }
+}
+
+/// The result of a thread; where it panicked, the failure names `what` it was doing.
+pub fn join<T>(thread: JoinHandle<Result<T, Failure>>, what: &str) -> Result<T, Failure> {
+    let panicked =
+        || Failure::work(anyhow::anyhow!("{what} stopped unexpectedly; this is a bug in greenstage"));
+    thread.join().unwrap_or_else(|_| Err(panicked()))
 }
 
 impl fmt::Display for Failure {

@@ -21,6 +21,8 @@ pub const STEP_S: f64 = 0.001;
 pub struct Service {
     server: Server,
     told: ServerCounters,
+    /// The number in the server of each device that was asked for; `None` where an earlier one has its name.
+    devices: Vec<Option<usize>>,
 }
 
 /// `address:port`, or a port of this machine's own address.
@@ -39,7 +41,15 @@ impl Service {
         place: SocketAddr,
         devices: impl IntoIterator<Item = &'a str>,
     ) -> Result<Service, Failure> {
-        let server = Server::bind(place, devices).map_err(|error| {
+        let mut names: Vec<&str> = Vec::new();
+        let devices = devices.into_iter().map(|name| {
+            (!names.contains(&name)).then(|| {
+                names.push(name);
+                names.len() - 1
+            })
+        });
+        let devices = devices.collect();
+        let server = Server::bind(place, names).map_err(|error| {
             let advice = "is another VRPN server running? `--serve ADDRESS:PORT` names another place";
             Failure::wrong(format!("cannot serve at {place}: {error}; {advice}"))
         })?;
@@ -49,14 +59,14 @@ impl Service {
         if !server.place.ip().is_loopback() {
             notice!("note: whoever reaches {} can listen; VRPN has no passwords", server.place);
         }
-        Ok(Service { server, told: ServerCounters::default() })
+        Ok(Service { server, told: ServerCounters::default(), devices })
     }
 
-    /// Passes on the news of trackers, whose names were given to [`open`](Service::open) in their order. Returns notices about
+    /// Passes on the news of trackers, whose devices were given to [`open`](Service::open) in their order. Returns notices about
     /// clients.
     pub fn pass_on(&mut self, trackers: &mut TrackerSet) -> Vec<String> {
-        for (device, (_, state)) in trackers.devices().enumerate() {
-            self.server.publish(device, state);
+        for (device, state) in self.devices.iter().zip(trackers.devices()) {
+            device.iter().for_each(|&device| self.server.publish(device, state));
         }
         self.tick()
     }

@@ -18,6 +18,7 @@ use crate::session::{Request, Session};
 use crate::tuning;
 use crate::world::World;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Show the room from outside: screens, eyes and what they see, head, stylus, bodies, trackers
 ///
@@ -102,9 +103,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         save(&picture(&mut session, &camera, args.size, args.samples, device::Args::default())?, path)?;
         return print(&format!("{}\n", path.display()));
     }
-    let mut stage = session.world.assets.stage.clone();
-    args.redirects.apply(&mut stage)?;
-    session.start_trackers(&stage)?;
+    args.redirects.apply(&mut Arc::make_mut(&mut session.world.assets).stage)?;
+    session.start_trackers()?;
     let shows = Shows::Model(Box::new(ModelWindow::new(camera, args.size)));
     let options = Options {
         samples: args.samples,

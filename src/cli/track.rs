@@ -10,6 +10,7 @@ use crate::session::trackers;
 use crate::stage::Stage;
 use crate::track::device::{Link, now_s};
 use crate::track::doubts::{self, Doubt};
+use crate::track::stand_in::device_names;
 use crate::track::tracker_set::{SensorReport, TrackerReport, TrackerSet};
 use crate::track::{Redirect, Signal};
 use nalgebra::Isometry3;
@@ -44,7 +45,8 @@ pub struct Args {
     /// Print one JSON object per line
     #[arg(long)]
     pub json: bool,
-    /// Serve the trackers by VRPN, each as a device of its name; without a value at 127.0.0.1:3883, for this machine
+    /// Serve the trackers by VRPN, each as the device of its VRPN address, others by their names; without a value at
+    /// 127.0.0.1:3883, for this machine
     #[arg(long, value_name = "ADDRESS:PORT", num_args = 0..=1, value_parser = serve::place,
           default_missing_value = serve::DEFAULT_PLACE)]
     pub serve: Option<SocketAddr>,
@@ -70,9 +72,7 @@ pub struct Redirects {
 
 impl Redirects {
     pub fn apply(&self, stage: &mut Stage) -> Result<(), Failure> {
-        self.redirects
-            .iter()
-            .try_for_each(|redirect| redirect.apply(&mut stage.tracking))
+        Redirect::apply_all(&self.redirects, &mut stage.tracking)
             .map_err(|message| Failure::wrong(format!("--tracker: {message}")))
     }
 }
@@ -83,13 +83,13 @@ const STEP_S: f64 = 0.005;
 pub fn run(args: &Args) -> Result<(), Failure> {
     let named = args.stage.as_deref().unwrap_or("workbench");
     let mut stage = crate::track::find_stage(named).map_err(Failure::request)?;
+    let devices = device_names(&stage.tracking);
     args.redirects.apply(&mut stage)?;
     if let (Some(script), Some(place)) = (&args.script, args.serve) {
         return serve::script(place, script, stage, args.rate, args.seconds);
     }
     let mut trackers = start_trackers(&stage)?;
-    let names: Vec<String> = trackers.devices().map(|(name, _)| name.to_owned()).collect();
-    let service = args.serve.map(|place| Service::open(place, names.iter().map(String::as_str)));
+    let service = args.serve.map(|place| Service::open(place, devices.iter().map(String::as_str)));
     let mut service = service.transpose()?;
     let step_s = if service.is_some() { serve::STEP_S } else { STEP_S };
     let started_s = now_s();

@@ -15,6 +15,7 @@ use crate::render::{RenderError, Samples, window};
 use crate::session::{Leader, Making, Session, keys, playback};
 use crate::world::World;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Show the scene and let you bend it, in windows; render it offscreen where there is no display
 ///
@@ -106,11 +107,10 @@ fn in_windows(args: &Args, device: device::Args) -> Result<(), Failure> {
 /// Lets a person and the devices of the stage move what they can.
 fn start(args: &Args, scene: &Resolved, session: &mut Session) -> Result<(), Failure> {
     print(&format!("{}\n", keys::bindings()))?;
+    args.redirects.apply(&mut Arc::make_mut(&mut session.world.assets).stage)?;
     session.attach_mouse();
     session.start_effects(scene)?;
-    let mut stage = session.world.assets.stage.clone();
-    args.redirects.apply(&mut stage)?;
-    session.start_trackers(&stage)
+    session.start_trackers()
 }
 
 fn in_pictures(args: &Args, reason: &RenderError) -> Result<(), Failure> {

@@ -133,9 +133,14 @@ pub fn whole(texture_size: [u32; 2]) -> Rect {
 pub const INK: Color32 = Color32::from_rgb(222, 228, 236);
 pub const QUIET: Color32 = Color32::from_rgb(158, 170, 184);
 pub const DARK: Color32 = Color32::from_rgb(13, 16, 21);
-/// Colour of the left eye, both as of red-cyan glasses.
-/// Colour of the right eye.
+/// Lines of axes and tables, and what a bar has not filled.
+pub const RULE: Color32 = Color32::from_rgb(54, 62, 74);
+pub const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
+pub const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
+pub const BAD: Color32 = Color32::from_rgb(240, 86, 70);
+/// Colour of the left eye, as of red-cyan glasses.
 pub const LEFT: Color32 = Color32::from_rgb(236, 58, 48);
+/// Colour of the right eye.
 pub const RIGHT: Color32 = Color32::from_rgb(38, 208, 228);
 
 /// Text of letters of one width, `size` pixels high, its anchor at `place`, on a plate of the colour `plate`. Lines are

@@ -75,6 +75,15 @@ struct LastSeat {
 
 /// Time after which a plate goes back to its own place, s.
 const BACK_S: f64 = 1.0;
+
+/// The time since which a plate's own place has been free, from that of the frame before, s; and whether it goes back there.
+pub(super) fn free_since(before_s: Option<f64>, is_free: bool, time_s: f64) -> (Option<f64>, bool) {
+    // A script's time begins anew with every round.
+    let before_s = before_s.filter(|since_s| is_free && time_s >= *since_s);
+    let since_s = before_s.or(is_free.then_some(time_s));
+    (since_s, since_s.is_some_and(|since_s| time_s - since_s >= BACK_S))
+}
+
 /// Penalties of a place, added to its distance from the plate's own place in parts of the picture's diagonal: for each step
 /// to a smaller size, and for the part of the plate over an element that can be taken and over a body.
 const SMALLER: f32 = 0.5;
@@ -119,11 +128,8 @@ impl Room<'_> {
         let own = self.own(plate, taken);
         // A plate goes back only when three gaps around its place are free: a body that trembles at the border does not call it.
         let is_free = own.is_some_and(|own| self.is_clear(own.expand(3.0 * self.gap)));
-        // A script's time begins anew with every round.
         let since_s = before.and_then(|before| before.free_since_s);
-        let since_s = since_s.filter(|since_s| is_free && self.time_s >= *since_s);
-        let free_since_s = since_s.or(is_free.then_some(self.time_s));
-        let is_back = free_since_s.is_some_and(|since_s| self.time_s - since_s >= BACK_S);
+        let (free_since_s, is_back) = free_since(since_s, is_free, self.time_s);
         let kept = |rect: Rect, size, is_own| LastSeat { key, corner: rect.min, size, is_own, free_since_s };
         let is_at_home = before.is_none_or(|before| before.is_own);
         if let Some(own) = own.filter(|own| (is_at_home || is_back) && self.is_clear(*own)) {

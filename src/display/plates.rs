@@ -4,7 +4,7 @@
 //! Those in corners are the same for both eyes, and go aside where something is held ([`PlateSeats`]); one beside a place stands at
 //! that place's depth.
 
-use super::caption::{DARK, INK, QUIET};
+use super::caption::{BAD, DARK, FAIR, GOOD, INK, QUIET};
 use super::plate_seats::{KeepClear, PlateRequest, PlateSeats, Room, Side, covered, is_over};
 use super::window_layout::{Part, view_of};
 use super::{legend, plot};
@@ -13,10 +13,6 @@ use crate::stage::Stage;
 use egui::{Color32, FontId, Galley, Painter, Pos2, Rect, Stroke, Vec2, pos2, vec2};
 use nalgebra::{Isometry3, Point3};
 use std::sync::Arc;
-
-const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
-const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
-const BAD: Color32 = Color32::from_rgb(240, 86, 70);
 
 /// The colour of a tone.
 pub fn ink(tone: Tone) -> Color32 {

@@ -1,13 +1,12 @@
 //! Paints curves over two axes with ticks, units and SI prefixes, a band about them, and a point where they are now.
 
-use super::caption::{INK, QUIET};
+use super::caption::{INK, QUIET, RULE};
 use crate::base::plates::{Axis, Plot};
 use crate::base::quantity::{power_of, prefix};
 use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 
 const CURVE: Color32 = Color32::from_rgb(97, 175, 239);
 const NOW: Color32 = Color32::from_rgb(170, 214, 84);
-const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 
 /// Size of a plot with its axes where `room` is free.
 pub(super) fn size(letter: f32, room: Vec2) -> Vec2 {

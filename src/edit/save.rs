@@ -43,21 +43,18 @@ pub fn save(
     if is_file(Path::new(&scene.stage)) {
         moved.stage = there(Path::new(&scene.stage)).display().to_string();
     }
-    moved.script =
-        scene.script.as_ref().map(|script| if is_file(script) { there(script) } else { script.clone() });
+    moved.script.iter_mut().filter(|script| is_file(script)).for_each(|script| *script = there(script));
+    moved.paths_mut().into_iter().for_each(|named| *named = there(named));
     let mut staged = Vec::new();
     for (name, body) in &mut moved.body {
-        body.mesh = body.mesh.as_deref().map(there);
         for (control_name, control) in &mut body.control {
-            match &mut control.nodes {
-                Nodes::File(tags) => *tags = there(tags),
-                Nodes::List(tags) if tags.len() > LONG => {
-                    let named = PathBuf::from(format!("{stem}.{control_name}.nodes"));
-                    let place = moved_beside(path, &named);
-                    staged.push(stage_tags(&place, &format!("{name}, {control_name}"), tags)?);
-                    control.nodes = Nodes::File(named);
-                }
-                _ => {}
+            if let Nodes::List(tags) = &control.nodes
+                && tags.len() > LONG
+            {
+                let named = PathBuf::from(format!("{stem}.{name}.{control_name}.nodes"));
+                let place = moved_beside(path, &named);
+                staged.push(stage_tags(&place, &format!("{name}, {control_name}"), tags)?);
+                control.nodes = Nodes::File(named);
             }
         }
     }
@@ -100,20 +97,43 @@ mod tests {
         material = \"rubber\"\n\
         [body.part.control]\n\
         low = { nodes = { list = [1, 2, 3] }, grab = \"fixed\" }\n\
-        high = { nodes = { group = \"high\" }, grab = \"dragger\" }\n";
+        high = { nodes = { group = \"high\" }, grab = \"dragger\" }\n\
+        loose = { nodes = { file = \"loose.nodes\" }, grab = \"dragger\" }\n";
+    /// Other keys of it that name files.
+    const FILES: &str = "texture = \"wood.png\"\n\
+        load.wind = { nodes = { file = \"wind.nodes\" }, kind = \"direction\", direction = { file = \"wind.csv\" } }\n\
+        surface_compliance = { nodes = { file = \"pressed.nodes\" } }\n\
+        updates = { release = [\"loose\"], released = [\"loose\"] }\n";
+    const PROBE: &str = "[tool.probe]\nshape = { mesh = { file = \"probe.stl\" } }\n";
 
     #[test]
     fn a_saved_scene_is_the_same_from_where_it_stands() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("scenes")).unwrap();
-        let mut scene = Scene::parse(SCENE, &folder.path().join("part.toml")).unwrap();
+        let text = SCENE.replace("[body.part.control]", &format!("{FILES}[body.part.control]"));
+        let mut scene = Scene::parse(&format!("{text}{PROBE}"), &folder.path().join("part.toml")).unwrap();
         scene.body["part"].control["low"].nodes = Nodes::List((1..=1000).collect());
+        let mut other = scene.body["part"].clone();
+        other.control["low"].nodes = Nodes::List((1001..=2000).collect());
+        scene.body.insert("other".to_owned(), other);
         let path = folder.path().join("scenes/mine.toml");
         let saved = save(&scene, &Comments::new(), None, &path).unwrap();
         assert_eq!(saved.body["part"].mesh.as_deref(), Some(Path::new("../part.msh")));
-        assert_eq!(saved.body["part"].control["low"].nodes, Nodes::File("mine.low.nodes".into()));
-        let tags = std::fs::read_to_string(folder.path().join("scenes/mine.low.nodes")).unwrap();
-        assert_eq!(tags.lines().filter(|line| !line.starts_with('#')).count(), 1000);
+        for (body, first) in [("part", "1"), ("other", "1001")] {
+            let name = format!("mine.{body}.low.nodes");
+            assert_eq!(saved.body[body].control["low"].nodes, Nodes::File(name.as_str().into()));
+            let tags = std::fs::read_to_string(folder.path().join("scenes").join(name)).unwrap();
+            let tags: Vec<&str> = tags.lines().filter(|line| !line.starts_with('#')).collect();
+            assert_eq!((tags.len(), tags[0]), (1000, first));
+        }
+        let paths = |scene: &mut Scene| {
+            scene.paths_mut().iter().map(|path| path.display().to_string()).collect::<Vec<_>>()
+        };
+        let moved: Vec<String> = paths(&mut scene).iter().map(|path| format!("../{path}")).collect();
+        assert_eq!(moved.len(), 1 + 2 * 6, "{moved:?}");
+        let own = |path: &String| path.ends_with(".low.nodes");
+        let found: Vec<String> = paths(&mut saved.clone()).into_iter().filter(|path| !own(path)).collect();
+        assert_eq!(found, moved);
         assert_eq!(saved.stage, "workbench");
         let again = save(&scene, &Comments::new(), None, &path).unwrap_err().to_string();
         assert!(again.contains("already exists"), "{again}");

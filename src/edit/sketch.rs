@@ -238,16 +238,20 @@ impl Sketch {
         let Some(element) = self.elements.get(self.chosen) else { return };
         let own: BTreeSet<u32> =
             canvas.vertices(&element.held.iter().copied().collect::<Vec<_>>()).into_iter().collect();
-        let kept: BTreeSet<u32> = if distance >= 0.0 {
-            canvas.roads.within(&own, distance).into_iter().collect()
-        } else {
-            let outside = (0..canvas.places.len() as u32).filter(|vertex| !own.contains(vertex)).collect();
-            let lost: BTreeSet<u32> = canvas.roads.within(&outside, -distance).into_iter().collect();
-            own.difference(&lost).copied().collect()
+        let is_growing = distance >= 0.0;
+        let from = match is_growing {
+            true => own,
+            false => (0..canvas.places.len() as u32).filter(|vertex| !own.contains(vertex)).collect(),
         };
-        let nodes: BTreeSet<u32> = kept.iter().map(|&vertex| canvas.nodes[vertex as usize]).collect();
+        let reached = canvas.roads.within(&from, distance.abs()).into_iter();
+        let reached: BTreeSet<u32> = reached.map(|vertex| canvas.nodes[vertex as usize]).collect();
+        // Nodes inside the body are on no way along the surface, and stay.
+        let held = match is_growing {
+            true => &element.held | &reached.into_iter().filter(|&node| !self.is_taken(node)).collect(),
+            false => &element.held - &reached,
+        };
         self.remember();
-        self.hold(canvas, nodes.into_iter().filter(|&node| !self.is_taken(node)).collect());
+        self.hold(canvas, held);
     }
 
     /// The vertices that the tool would take or change at `touch`.
@@ -477,6 +481,14 @@ mod tests {
         assert_eq!(count(&sketch), face + 2 * 16, "two rings of 16 around the bar");
         sketch.spread(&mut canvas, -0.051);
         assert_eq!(count(&sketch), face + 16);
+
+        // Five layers, whose inner nodes stay.
+        sketch.put(&canvas, Nodes::Box { min: [-0.5, -0.1, -0.1], max: [-0.3, 0.1, 0.1] });
+        assert_eq!(count(&sketch), 5 * 25);
+        sketch.spread(&mut canvas, 0.051);
+        assert_eq!(count(&sketch), 5 * 25 + 16);
+        sketch.spread(&mut canvas, -0.101);
+        assert_eq!(count(&sketch), 5 * 25 - 16);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::loads::{
     SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal, Whole,
 };
 use super::{Body, Method, Nodes};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl Body {
     /// Gives its whole surface a compliance where the scene says nothing of one: by the factor, where the solver has one that can be
@@ -21,7 +21,12 @@ impl Body {
         let kept = if self.solver.method.keeps_factor { KeptForm::Factor } else { usual };
         let nodes = SurfaceNodes::All(Whole::Surface);
         self.surface_compliance =
-            Some(SurfaceCompliance { nodes, take: Take::default(), spring: None, kept });
+            Some(SurfaceCompliance { nodes, take: Take::default(), spring: None, kept, is_added: true });
+    }
+
+    /// Takes back what [`Body::be_pressed`] added, so that another choice of effects does not keep it.
+    pub fn forget_added(&mut self) {
+        self.surface_compliance.take_if(|compliance| compliance.is_added);
     }
 
     /// All its loads, in the order of their columns.
@@ -77,6 +82,30 @@ impl Body {
             Some((format!("load.{name}.direction"), load.direction.as_ref()?.file.as_path()))
         });
         lists.chain(fields).collect()
+    }
+
+    /// Every path of the body, relative to the scene, those of released control elements too.
+    pub(super) fn paths_mut(&mut self) -> Vec<&mut PathBuf> {
+        let controls = self.control.values_mut().map(|control| &mut control.nodes);
+        let loose = self.updates.iter_mut().flat_map(|updates| &mut updates.loose);
+        let compliance = self.surface_compliance.iter_mut().filter_map(|of| match &mut of.nodes {
+            SurfaceNodes::All(Whole::Surface) => None,
+            SurfaceNodes::Some(nodes) => Some(nodes),
+        });
+        let mut selections: Vec<&mut Nodes> =
+            controls.chain(loose.map(|(.., control)| &mut control.nodes)).collect();
+        selections.extend(compliance);
+        let image = self.texture.iter_mut().map(|texture| &mut texture.image);
+        let mut paths: Vec<&mut PathBuf> = self.mesh.iter_mut().chain(image).collect();
+        for load in self.load.values_mut() {
+            selections.push(&mut load.nodes);
+            paths.extend(load.direction.iter_mut().map(|direction| &mut direction.file));
+        }
+        paths.extend(selections.into_iter().filter_map(|nodes| match nodes {
+            Nodes::File(path) => Some(path),
+            _ => None,
+        }));
+        paths
     }
 
     /// Errors name the key below the body and what is wrong with it.

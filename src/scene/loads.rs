@@ -153,6 +153,9 @@ pub struct SurfaceCompliance {
     /// Form in which its numbers are kept in the .green file.
     #[serde(default, skip_serializing_if = "KeptForm::is_usual")]
     pub kept: KeptForm,
+    /// Whether an effect needs it and the scene does not ask for it; not a key of the file.
+    #[serde(skip)]
+    pub is_added: bool,
 }
 
 /// `kept = "inverse"`, `kept = { error = 1e-4 }` or `kept = "factor"`.

@@ -275,6 +275,15 @@ impl Scene {
         self.path.parent().unwrap_or(Path::new("")).join(relative)
     }
 
+    /// Every path of tools and bodies, relative to the scene.
+    pub fn paths_mut(&mut self) -> Vec<&mut PathBuf> {
+        let tools = self.tool.values_mut().filter_map(|tool| match &mut tool.shape {
+            ToolShape::Mesh { file, .. } => Some(file),
+            _ => None,
+        });
+        tools.chain(self.body.values_mut().flat_map(Body::paths_mut)).collect()
+    }
+
     /// The stage's name, or the path of its file from where the program runs.
     pub fn stage_from_here(&self) -> String {
         match self.stage.ends_with(".toml") {

@@ -48,7 +48,9 @@ pub fn text(scene: &Scene, comments: &Comments) -> Result<String, SceneError> {
         block.end(&mut text);
     }
     for (name, body) in &scene.body {
-        let body = &body.as_written();
+        let mut body = body.as_written();
+        body.forget_added();
+        let body = &body;
         let path = format!("body.{}", quoted_key(name));
         table(&mut text, comments, &format!("body.{name}"), &path);
         let mut block = Block::new(comments, &format!("body.{name}."));

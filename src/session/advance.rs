@@ -11,7 +11,6 @@ use crate::effect::{self, Resolved};
 use crate::green::GreenFile;
 use crate::interact::Action;
 use crate::render::window::Key;
-use crate::stage::Stage;
 use crate::track::{Mouse, MouseInput, Script};
 use crate::world::assets::PATIENCE;
 use crate::world::{Input, World};
@@ -86,9 +85,9 @@ impl Session {
         Ok(())
     }
 
-    /// Starts the trackers; `stage` is the world's own stage, perhaps with redirected addresses.
-    pub fn start_trackers(&mut self, stage: &Stage) -> Result<(), Failure> {
-        self.input.trackers = super::trackers::start(stage, &mut self.world.effects)?;
+    /// Starts the trackers of the world's stage.
+    pub fn start_trackers(&mut self) -> Result<(), Failure> {
+        self.input.trackers = super::trackers::start(&self.world.assets.stage, &mut self.world.effects)?;
         Ok(())
     }
 
@@ -217,17 +216,15 @@ impl Session {
         }
     }
 
-    /// Takes a key that is pressed or released. Any but function and modifier keys takes over from a script.
+    /// Takes a key that is pressed or released. It may take over from a script ([`keys::takes_over`]).
     pub fn key(&mut self, key: Key, pressed: bool) {
         if key == keys::NEXT_FIELD {
-            // This changes the picture only, so the script keeps leading.
             if pressed {
                 self.act(Action::NextField);
             }
             return;
         }
-        let is_neutral = matches!(key, Key::Function(_) | Key::Shift | Key::Control | Key::Alt);
-        if pressed && !is_neutral {
+        if pressed && keys::takes_over(key) {
             self.take_over();
         }
         let Some(control) = self.input.mouse.as_ref().map(|mouse| mouse.control) else { return };

@@ -5,13 +5,14 @@
 //! elements that are the same. A change that fails leaves the session as it was.
 
 use super::advance::Session;
-use crate::base::failure::Failure;
+use crate::base::failure::{self, Failure};
 use crate::base::progress::Progress;
 use crate::deform::Deformer;
 use crate::effect;
 use crate::green::GreenFile;
 use crate::prepare::{self, Resolved};
 use crate::stage::Stage;
+use crate::stage::tracking::TrackerSource;
 use crate::track::Mouse;
 use crate::world::World;
 use std::path::PathBuf;
@@ -98,12 +99,7 @@ impl Change {
 
     /// Waits for the result.
     pub fn finish(self) -> Result<ChangeResult, Failure> {
-        let panicked = || {
-            Failure::Work(anyhow::anyhow!(
-                "the computation stopped unexpectedly; this is a bug in greenstage"
-            ))
-        };
-        self.thread.join().unwrap_or_else(|_| Err(panicked()))
+        failure::join(self.thread, "the computation")
     }
 }
 
@@ -134,12 +130,16 @@ impl Session {
         world.carry_over(&mut self.world);
         // Devices are let go of before others are opened.
         let was_live = self.input.mouse.is_some();
+        // A force device speaks through its loop, which ends with the effects.
+        let is_tracked_anew = is_other_stage || has_force_device(&self.world.assets.stage);
+        if is_tracked_anew {
+            self.input.trackers = None;
+        }
         self.world.effects.clear();
         (self.world, self.file) = (world, Some(file));
         self.is_saved &= self.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         self.scene = Some(scene);
         if is_other_stage {
-            self.input.trackers = None;
             self.input.script = None;
             if was_live {
                 self.input.mouse = Some(Mouse::new(self.world.assets.stage.clone()));
@@ -147,12 +147,16 @@ impl Session {
         }
         if let (Some(scene), true) = (self.scene.clone(), was_live) {
             self.start_effects(&scene)?;
-            if is_other_stage {
-                self.start_trackers(&self.world.assets.clone().stage)?;
+            if is_tracked_anew {
+                self.start_trackers()?;
             }
         }
         Ok(())
     }
+}
+
+fn has_force_device(stage: &Stage) -> bool {
+    stage.tracking.trackers.values().any(|tracker| matches!(tracker.source, TrackerSource::Haptic(_)))
 }
 
 #[cfg(test)]
@@ -161,7 +165,9 @@ mod tests {
     use crate::deform::ControlPose;
     use crate::scene::{Grab, Scene};
     use crate::session::Request;
-    use nalgebra::Vector3;
+    use crate::track::device::{DeviceState, Link};
+    use crate::track::vrpn::Server;
+    use nalgebra::{Isometry3, Vector3};
     use std::path::Path;
 
     const SCENE: &str = "[body.a]\n\
@@ -289,6 +295,42 @@ mod tests {
         change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
         let after = seen(&session);
         assert!(after.0 != before.0 && (&after.2, after.3) == (&before.2, before.3));
+    }
+
+    /// The stylus kept the last pose of the loop that had ended.
+    #[test]
+    fn a_force_device_moves_its_stylus_after_a_change_as_well() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut server = Server::bind(([127, 0, 0, 1], 0).into(), ["Pen"]).unwrap();
+        let device = format!("[haptic.pen]\ndevice = \"vrpn://{}/Pen\"\nmax_force = 5\n", server.place);
+        let stage = folder.path().join("bench.toml");
+        std::fs::write(&stage, format!("{}{device}", crate::stage::BUILT_IN[0].1)).unwrap();
+        let text = SCENE.replacen("[body.a]", "[body.a]\neffects = [\"haptics\"]", 1);
+        let scene = Resolved::parse(&text, &folder.path().join("scene.toml")).unwrap();
+        let stage = stage.display().to_string();
+        let mut session = Session::open(&Request { stage: Some(&stage), ..Request::new(&scene) }).unwrap();
+        session.attach_mouse();
+        session.start_effects(&scene).unwrap();
+        session.start_trackers().unwrap();
+        let mut state = DeviceState { link: Link::Up, ..DeviceState::default() };
+        let mut is_followed = |session: &mut Session, x: f64| {
+            let begun = std::time::Instant::now();
+            loop {
+                state.take_pose(0, Isometry3::translation(x, 0.0, 0.0), None, 1.0);
+                server.publish(0, &state);
+                server.tick();
+                let reports = session.input.tracker_reports();
+                let raw = reports.iter().flat_map(|report| &report.sensors).find_map(|sensor| sensor.raw);
+                match raw.is_some_and(|raw| (raw.translation.x - x).abs() < 1e-6) {
+                    true => return true,
+                    false if begun.elapsed().as_secs() > 60 => return false,
+                    false => std::thread::sleep(std::time::Duration::from_millis(5)),
+                }
+            }
+        };
+        assert!(is_followed(&mut session, 0.1));
+        change(&mut session, folder.path(), |scene| scene.body["a"].model = "rotation".into()).unwrap();
+        assert!(is_followed(&mut session, 0.2));
     }
 
     #[test]

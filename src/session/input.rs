@@ -6,7 +6,7 @@
 //! keyboard move what they do not.
 
 use super::recording::Replay;
-use super::trackers;
+use super::trackers::merge;
 use crate::base::diagnostic::notice;
 use crate::stage::Stage;
 use crate::track::device::now_s;
@@ -42,9 +42,6 @@ pub enum Leader {
     Mouse,
     Nobody,
 }
-
-/// Pause between two rounds of a script, each of which starts at rest, s.
-const PAUSE_S: f64 = 1.0;
 
 /// Time between two checks whether sensors are where anyone can be, s.
 const LOOK_S: f64 = 1.0;
@@ -97,17 +94,17 @@ impl InputSource {
         let mut changes = Vec::new();
         let step_s = (time_s - self.last_s).max(0.0);
         self.last_s = time_s;
-        if let (Some(trackers), Some(mouse)) = (&mut self.trackers, &mut self.mouse) {
-            mouse.tracked_head = trackers.state(now_s()).head.map(|head| head.cast());
+        let tracked = self.trackers.as_mut().map(|trackers| trackers.state(now_s()));
+        if let (Some(tracked), Some(mouse)) = (&tracked, &mut self.mouse) {
+            mouse.tracked_head = tracked.head.map(|head| head.cast());
         }
         let mut state = match (&self.script, &mut self.mouse) {
             (Some(script), _) => {
-                let round_s = script.duration_s + PAUSE_S;
-                let round = (time_s / round_s) as u32;
+                let (round, in_round_s) = script.round_at(time_s);
                 if std::mem::replace(&mut self.round, round) != round {
                     changes.push(ScriptChange::Reset);
                 }
-                script.sample(stage, time_s % round_s)
+                script.sample(stage, in_round_s)
             }
             (None, Some(mouse)) => {
                 mouse.advance(step_s);
@@ -115,8 +112,11 @@ impl InputSource {
             }
             (None, None) => TrackerState { time_s, ..TrackerState::default() },
         };
-        if let Some(trackers) = &mut self.trackers {
-            state = trackers::merge(trackers, state);
+        if let Some((trackers, tracked)) = self.trackers.as_mut().zip(tracked) {
+            // Trackers that were never seen add no styli to those of a script.
+            if trackers.has_spoken() || self.script.is_none() {
+                state = merge(tracked, state);
+            }
             for told in trackers.take_notices() {
                 notice!("note: {told}");
             }
@@ -141,12 +141,46 @@ impl InputSource {
     pub fn loads(&self, time_s: f64) -> Vec<(String, f64)> {
         let leads = self.leader() == Leader::Script;
         let Some(script) = self.script.as_ref().filter(|_| leads) else { return Vec::new() };
-        let loads = script.loads(time_s % (script.duration_s + PAUSE_S));
+        let loads = script.loads(script.round_at(time_s).1);
         loads.map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
     /// The reports of the trackers about all their sensors.
     pub fn tracker_reports(&mut self) -> Vec<TrackerReport> {
         self.trackers.as_mut().map(|trackers| trackers.report(now_s())).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::FakeSource;
+    use nalgebra::Isometry3;
+    use std::path::Path;
+
+    /// The stage's silent styli stood before the script's, so that a tool on stylus 1 did not move.
+    #[test]
+    fn a_script_moves_the_stylus_of_its_name_while_trackers_are_silent() {
+        let keys = "[tracker.a]\nosc = \"0\"\n[sensor.wand]\ntracker = \"a\"\nid = 1\n\
+                    [stylus.right]\nsensor = \"wand\"\n";
+        let text = format!("{}{keys}", crate::stage::BUILT_IN[0].1);
+        let stage = Stage::parse(&text, Path::new("a.toml")).unwrap();
+        let script = "frame = \"room\"\n[[key]]\ntime = 0.0\nstylus.right = { position = [0, 1, 0], direction = [0, 0, -1] }\n";
+        let source = FakeSource::default();
+        let sources: Vec<Box<dyn crate::track::Source>> = vec![Box::new(source.clone())];
+        let mut input = InputSource {
+            trackers: Some(TrackerSet::with_sources(&stage.tracking, sources, now_s())),
+            script: Some(Script::parse(script, Path::new("s.toml")).unwrap()),
+            ..InputSource::default()
+        };
+        let mut heights = || {
+            let (state, changes) = input.state(&stage, 0.0);
+            let heights: Vec<f32> =
+                state.styli.iter().map(|stylus| stylus.room_from_stylus.translation.y).collect();
+            (heights, changes)
+        };
+        assert_eq!(heights(), (vec![1.0], vec![]));
+        source.change(|state| state.take_pose(1, Isometry3::translation(0.0, 1.5, 0.0), None, 1.0));
+        assert_eq!(heights(), (vec![1.5], vec![ScriptChange::LetGo]));
     }
 }

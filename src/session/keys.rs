@@ -16,6 +16,12 @@ const MOST_LINES: f64 = 20.0;
 /// Shows another field in colours.
 pub const NEXT_FIELD: Key = Key::Char('v');
 
+/// Whether a key takes over from a script when it is pressed: function and modifier keys do not, nor does the one that changes the
+/// picture only.
+pub fn takes_over(key: Key) -> bool {
+    !matches!(key, Key::Function(_) | Key::Shift | Key::Control | Key::Alt) && key != NEXT_FIELD
+}
+
 /// The command of a key when it is pressed, with or without Ctrl, if it has one.
 pub fn action(key: Key, control: bool, world: &World) -> Option<Action> {
     let only = |freedom| Action::SetMode(Mode { freedom, axis: None });

@@ -6,7 +6,7 @@ use super::change::Steps;
 use super::recording::{Origin, Replay};
 use super::sound_file::SoundFile;
 use crate::base::diagnostic::notice;
-use crate::base::failure::Failure;
+use crate::base::failure::{self, Failure};
 use crate::base::progress::{Bars, Progress};
 use crate::green::GreenFile;
 use crate::prepare::Resolved;
@@ -198,9 +198,6 @@ impl Making {
 
     /// The file; waits for it.
     pub fn finish(self) -> Result<Arc<GreenFile>, Failure> {
-        let panicked = || {
-            Failure::Work(anyhow::anyhow!("precomputing stopped unexpectedly; this is a bug in greenstage"))
-        };
-        self.thread.join().unwrap_or_else(|_| Err(panicked()))
+        failure::join(self.thread, "precomputing")
     }
 }

@@ -29,8 +29,8 @@ enum Source {
     },
 }
 
-/// Fine steps over a whole script, at least.
-const SCRIPT_STEPS: usize = 240;
+/// Steps of the session over a whole script, at least; the first is at its start, the last at its end.
+const SCRIPT_STEPS: u64 = 240;
 
 impl Source {
     fn from_session(session: &Session) -> Result<Source, Failure> {
@@ -55,22 +55,23 @@ impl Playback {
 
     /// Moves the session on to picture `frame`, counted from 0; returns what the mechanics of the last step took.
     pub fn step_to(&mut self, session: &mut Session, frame: usize) -> Result<StepTimes, Failure> {
+        let pictures = self.frames as u64 - 1;
+        // A single picture is of the end.
+        let until = |last: u64| (last * frame as u64).checked_div(pictures).unwrap_or(last);
         match self.source {
             Source::Rest => {
                 session.advance(0.0)?;
             }
             Source::Script { duration_s } => {
-                let between = SCRIPT_STEPS.div_ceil(self.frames) as u64;
-                let last = ((self.frames as u64 - 1) * between).max(1);
-                while self.done <= frame as u64 * between {
+                let spans = pictures.max(1);
+                let last = spans * (SCRIPT_STEPS - 1).div_ceil(spans);
+                while self.done <= until(last) {
                     session.advance(duration_s * self.done as f64 / last as f64)?;
                     self.done += 1;
                 }
             }
             Source::Recording { length } => {
-                // A single picture is of the end.
-                let (last, pictures) = (length.saturating_sub(1), self.frames as u64 - 1);
-                let until = (last * frame as u64).checked_div(pictures).unwrap_or(last);
+                let until = until(length.saturating_sub(1));
                 while self.done <= until && session.play_frame()? {
                     self.done += 1;
                 }
@@ -86,7 +87,7 @@ pub fn check(session: &mut Session) -> Result<String, Failure> {
     let source = Source::from_session(session)?;
     let frames = match source {
         Source::Rest => 1,
-        Source::Script { .. } => SCRIPT_STEPS,
+        Source::Script { .. } => SCRIPT_STEPS as usize,
         Source::Recording { length } => length as usize,
     };
     let mut playback = Playback { source, frames: frames.max(1), done: 0 };
@@ -109,16 +110,18 @@ mod tests {
     fn the_last_picture_is_of_the_scripts_end() {
         let script = "frame = \"room\"\n[[key]]\ntime = 0.0\nstylus.pen = { position = [0, 1, 0], direction = [0, 0, -1] }\n\
                       [[key]]\ntime = 3.0\n";
-        for frames in [2, 7, 300] {
+        for (frames, steps) in [(1, 240), (2, 240), (7, 241), (240, 240), (300, 300)] {
             let world = crate::world::tests::world();
             let script = Script::parse(script, Path::new("s.toml")).unwrap();
             let mut session = Session::new(world, Some(script));
             let mut playback = Playback::new(&session, frames).unwrap();
-            for (frame, time_s) in [(0, 0.0), (frames - 1, 3.0)] {
+            let first_s = if frames == 1 { 3.0 } else { 0.0 };
+            for (frame, time_s) in [(0, first_s), (frames - 1, 3.0)] {
                 playback.step_to(&mut session, frame).unwrap();
                 let found_s = *session.world.graph.get(session.world.fields.time);
                 assert!((found_s - time_s).abs() < 1e-9, "picture {frame} of {frames}: {found_s} s");
             }
+            assert_eq!(playback.done, steps, "{frames} pictures");
         }
     }
 }

@@ -3,8 +3,8 @@
 use crate::base::failure::Failure;
 use crate::effect::haptics::{HapticSource, live};
 use crate::stage::Stage;
-use crate::track::device::{Source, now_s};
-use crate::track::{TrackerSet, TrackerState, open};
+use crate::track::device::Source;
+use crate::track::{Signal, TrackerSet, TrackerState, open};
 use crate::world::RunningEffect;
 
 /// Starts the trackers of a stage; `None` where it names none. Force devices speak through their loops, where these run.
@@ -23,11 +23,10 @@ pub fn start(stage: &Stage, effects: &mut [Box<dyn RunningEffect>]) -> Result<Op
 
 /// Head and styli as they are tracked. A head that is not tracked comes from `other`; so do the styli, behind the tracked
 /// ones, while no stylus is tracked.
-pub fn merge(trackers: &mut TrackerSet, other: TrackerState) -> TrackerState {
-    let mut state = trackers.state(now_s());
-    state.head = state.head.or(other.head);
-    if !trackers.is_pointing() {
-        state.styli.extend(other.styli);
+pub fn merge(mut tracked: TrackerState, other: TrackerState) -> TrackerState {
+    tracked.head = tracked.head.or(other.head);
+    if tracked.styli.iter().all(|stylus| matches!(stylus.signal, Signal::Lost { .. })) {
+        tracked.styli.extend(other.styli);
     }
-    TrackerState { time_s: other.time_s, ..state }
+    TrackerState { time_s: other.time_s, ..tracked }
 }

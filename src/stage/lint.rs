@@ -294,7 +294,8 @@ fn eyes(stage: &Stage, monitors: &[Monitor], found: &mut Vec<Diagnostic>) {
             let (window, tile) = mine.iter().find(|(_, tile)| tile.stereo == kind)?;
             let (at, size) = window.on_desktop(monitors)?;
             let rect = window.rect(tile, size);
-            let shown_to = if tile.swap_eyes { kind.swapped() } else { kind };
+            let is_swapped = tile.swap_eyes != stage.swap_eyes;
+            let shown_to = if is_swapped { kind.swapped() } else { kind };
             Some((shown_to, [0, 1].map(|axis| at[axis].saturating_add_unsigned(rect[axis]))))
         };
         if let (Some(first), Some(second)) = (place(Stereo::Left), place(Stereo::Right)) {

@@ -32,22 +32,18 @@ pub fn overlaps(screens: &[Screen], least_m: f64) -> Vec<Overlap> {
                 continue;
             };
             let is_corner =
-                |corner: Point3<f64>| corners(a).iter().any(|other| (other - corner).norm() <= least_m);
-            let is_same = corners(b).into_iter().all(is_corner);
+                |corner: Point3<f64>| a.corners().iter().any(|other| (other - corner).norm() <= least_m);
+            let is_same = b.corners().into_iter().all(is_corner);
             found.push(Overlap { screens: [i, j], size_m, is_same });
         }
     }
     found
 }
 
-fn corners(screen: &Screen) -> [Point3<f64>; 4] {
-    [screen.lower_left, screen.lower_right, screen.upper_right(), screen.upper_left]
-}
-
 /// Width and height of the area that both cover, if they lie in one plane and face the same way.
 fn size_m(a: &Screen, b: &Screen) -> Option<[f64; 2]> {
     let [right, up, normal] = a.axes();
-    let of_b = corners(b).map(|corner| corner - a.lower_left);
+    let of_b = b.corners().map(|corner| corner - a.lower_left);
     if normal.dot(&b.axes()[2]) < PARALLEL || of_b.iter().any(|way| way.dot(&normal).abs() > PLANE_M) {
         return None;
     }

@@ -75,6 +75,11 @@ impl Screen {
         self.lower_right + (self.upper_left - self.lower_left)
     }
 
+    /// Counter-clockwise from the lower left, as the viewer sees them.
+    pub fn corners(&self) -> [Point3<f64>; 4] {
+        [self.lower_left, self.lower_right, self.upper_right(), self.upper_left]
+    }
+
     /// Unit vectors right, up and normal; right-handed, the normal towards the viewer. Up is made perpendicular
     /// to right, so that a screen whose measured corners are skewed within the tolerance keeps a lower edge
     /// that is exact.

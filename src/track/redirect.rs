@@ -1,6 +1,6 @@
 //! Takes a tracker's poses from another VRPN server than that of its stage file: from a stand-in, or a second lab.
 
-use super::stand_in::device_name;
+use super::stand_in::device_names;
 use super::vrpn::Address;
 use crate::config;
 use crate::stage::tracking::{TrackerSource, Tracking};
@@ -26,16 +26,21 @@ impl std::str::FromStr for Redirect {
 }
 
 impl Redirect {
-    /// Makes the tracker one of VRPN there, with the device that it has, or else with its own name. Its calibration stays.
+    /// Makes trackers those of VRPN there, each as the device by which it is passed on. Their calibrations stay.
     ///
     /// # Errors
     /// A sentence, if the stage has no such tracker.
-    pub fn apply(&self, tracking: &mut Tracking) -> Result<(), String> {
-        let Some(tracker) = tracking.trackers.get_mut(&self.tracker) else {
+    pub fn apply_all(redirects: &[Redirect], tracking: &mut Tracking) -> Result<(), String> {
+        let devices = device_names(tracking);
+        redirects.iter().try_for_each(|redirect| redirect.apply(tracking, &devices))
+    }
+
+    fn apply(&self, tracking: &mut Tracking, devices: &[String]) -> Result<(), String> {
+        let Some(index) = tracking.trackers.get_index_of(&self.tracker) else {
             let known = tracking.trackers.keys().map(String::as_str);
             return Err(config::unknown_name("tracker", &self.tracker, known));
         };
-        let device = device_name(&self.tracker, tracker);
+        let (tracker, device) = (&mut tracking.trackers[index], &devices[index]);
         let TrackerSource::Table(table) = &mut tracker.source else {
             return Err(format!("tracker `{}` is a force device, which stays where it is", self.tracker));
         };
@@ -60,7 +65,7 @@ mod tests {
         let tracking = Stage::parse(&text, Path::new("bench.toml")).unwrap().tracking;
         let to = |text: &str| {
             let mut moved = tracking.clone();
-            text.parse::<Redirect>().unwrap().apply(&mut moved).map(|()| moved)
+            Redirect::apply_all(&[text.parse().unwrap()], &mut moved).map(|()| moved)
         };
         for (text, tracker, source) in [
             ("lab=127.0.0.1", "lab", "vrpn Head3@127.0.0.1"),

@@ -124,6 +124,8 @@ pub enum KeyFrameFault {
 }
 
 const LONGEST_S: f64 = 86400.0;
+/// Pause between two rounds of a script, each of which starts at rest, s.
+const PAUSE_S: f64 = 1.0;
 
 /// N, N·m or Pa.
 const LARGEST_LOAD: f64 = 1e12;
@@ -241,6 +243,13 @@ impl Script {
         styli
     }
 
+    /// The round of the script, repeated after a pause, at `time_s` since its first start, counted from 0, and the time since that
+    /// round's start, s.
+    pub fn round_at(&self, time_s: f64) -> (u32, f64) {
+        let round_s = self.duration_s + PAUSE_S;
+        ((time_s / round_s) as u32, time_s % round_s)
+    }
+
     /// The values of the loads at `time_s`, by their names.
     pub fn loads(&self, time_s: f64) -> impl Iterator<Item = (&str, f64)> {
         let at = locate(&self.times_s, time_s);
@@ -314,8 +323,7 @@ impl Script {
             if is_first {
                 self.loads.insert(name.clone(), Vec::new());
             } else if !self.loads.contains_key(name) {
-                let nearest = config::nearest(name, self.loads.keys().map(String::as_str));
-                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                let hint = hint(name, self.loads.keys());
                 return Err(KeyFrameFault::Unknown { who, hint });
             }
         }
@@ -326,8 +334,7 @@ impl Script {
             if is_first {
                 self.styli.insert(name.clone(), Vec::new());
             } else if !self.styli.contains_key(name) {
-                let nearest = config::nearest(name, self.styli.keys().map(String::as_str));
-                let hint = nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"));
+                let hint = hint(name, self.styli.keys());
                 return Err(KeyFrameFault::Unknown { who: format!("stylus `{name}`"), hint });
             }
         }
@@ -340,6 +347,12 @@ impl Script {
         }
         Ok(())
     }
+}
+
+/// The nearest of the known names, as a question.
+fn hint<'a>(name: &str, known: impl Iterator<Item = &'a String>) -> String {
+    let nearest = config::nearest(name, known.map(String::as_str));
+    nearest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
 }
 
 fn head_key(head: &HeadFile, previous: Option<HeadKey>) -> Result<HeadKey, KeyFrameFault> {

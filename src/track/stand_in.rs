@@ -12,8 +12,9 @@ use super::device::{DeviceState, Link, Source, now_s};
 use super::script::Script;
 use super::vrpn::Address;
 use crate::stage::Stage;
-use crate::stage::tracking::{ButtonId, Sensor, Stylus, Tracker, TrackerFrame, TrackerSource};
+use crate::stage::tracking::{ButtonId, Sensor, Stylus, Tracker, TrackerFrame, TrackerSource, Tracking};
 use nalgebra::Isometry3;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Plays a script repeatedly, from the first call of [`StandIn::take_due`] on.
@@ -54,8 +55,6 @@ struct Hand {
     buttons: [Option<(usize, i32)>; 2],
 }
 
-/// The pause between two rounds of the script, s.
-const PAUSE_S: f64 = 1.0;
 /// The device of a stage without trackers.
 const USUAL_DEVICE: &str = "Tracker0";
 
@@ -105,7 +104,7 @@ impl StandIn {
         let due = (since_s * self.rate_hz) as u64 + 1;
         if due > self.readings {
             self.readings = due;
-            self.take(since_s.rem_euclid(self.script.duration_s + PAUSE_S));
+            self.take(self.script.round_at(since_s).1);
         }
     }
 
@@ -158,18 +157,16 @@ impl StandIn {
     /// nothing moves.
     fn follow_stage(&mut self, styli: Vec<String>, has_head: bool) {
         let tracking = self.stage.tracking.clone();
-        let served: Vec<(&String, &Tracker)> =
-            tracking.trackers.iter().filter(|(_, tracker)| has_table(tracker)).collect();
-        let devices: Vec<usize> = served
-            .iter()
-            .map(|(name, tracker)| self.device(&device_name(name, tracker), Some(name.as_str())))
+        let named = tracking.trackers.iter().zip(device_names(&tracking));
+        let served: BTreeMap<&str, usize> = named
+            .filter(|((_, tracker), _)| has_table(tracker))
+            .map(|((name, _), device)| (name.as_str(), self.device(&device, Some(name))))
             .collect();
-        let served_as = |name: &str| served.iter().position(|(known, _)| *known == name);
         let seat = |sensor: &Sensor| {
-            let index = served_as(&sensor.tracker)?;
-            let frame = served[index].1.frame;
+            let device = *served.get(sensor.tracker.as_str())?;
+            let frame = tracking.trackers.get(&sensor.tracker)?.frame;
             let body_from_sensor = sensor.sensor_from_body.inverse();
-            Some(Seat { device: devices[index], id: sensor.id, frame, body_from_sensor })
+            Some(Seat { device, id: sensor.id, frame, body_from_sensor })
         };
         let seat_of = |name: &String| seat(tracking.sensors.get(name)?);
         self.head = tracking.head.as_ref().filter(|_| has_head).and_then(seat_of);
@@ -182,7 +179,7 @@ impl StandIn {
             let next = own.or((!free.is_empty()).then_some(0));
             let found = next.map(|k| free.remove(k)).and_then(|(name, stylus)| {
                 let button = |id: &Option<ButtonId>| {
-                    id.as_ref().and_then(|id| Some((devices[served_as(&id.tracker)?], id.button)))
+                    id.as_ref().and_then(|id| Some((*served.get(id.tracker.as_str())?, id.button)))
                 };
                 let buttons = [button(&stylus.grab), button(&stylus.second)];
                 Some(Hand { index, name: name.clone(), seat: seat_of(&stylus.sensor)?, buttons })
@@ -210,14 +207,29 @@ fn has_table(tracker: &Tracker) -> bool {
     matches!(tracker.source, TrackerSource::Table(_))
 }
 
-/// A VRPN tracker's own device; others are served by the tracker's name.
-pub fn device_name(name: &str, tracker: &Tracker) -> String {
-    let address = match &tracker.source {
-        TrackerSource::Table(table) => table.keys.get("vrpn").and_then(|vrpn| vrpn.as_str()),
+/// The devices as which a stage's trackers are passed on, in their order: each as that of its VRPN address, or by the tracker's
+/// own name where it has none, or where another address or tracker has that device's name.
+pub fn device_names(tracking: &Tracking) -> Vec<String> {
+    let mut passed: Vec<(Option<Address>, String)> = Vec::new();
+    for (name, tracker) in &tracking.trackers {
+        let address = vrpn_address(tracker);
+        let same = passed.iter().find(|(other, _)| other.is_some() && *other == address);
+        let is_free = |device: &String| {
+            let is_passed = passed.iter().any(|(_, other)| other == device);
+            !is_passed && (device == name || !tracking.trackers.contains_key(device))
+        };
+        let own = address.iter().map(|address| &address.device).find(|device| is_free(device));
+        let device = same.map(|(_, device)| device).or(own).unwrap_or(name).clone();
+        passed.push((address, device));
+    }
+    passed.into_iter().map(|(_, device)| device).collect()
+}
+
+fn vrpn_address(tracker: &Tracker) -> Option<Address> {
+    match &tracker.source {
+        TrackerSource::Table(table) => Address::parse(table.keys.get("vrpn")?.as_str()?).ok(),
         TrackerSource::Haptic(_) => None,
-    };
-    let device = address.and_then(|vrpn| Address::parse(vrpn).ok()).map(|address| address.device);
-    device.unwrap_or_else(|| name.to_owned())
+    }
 }
 
 /// A source without a device; clones report the same state.
@@ -314,6 +326,20 @@ mod tests {
         let inches = stand_in.devices[0].state.sensors[&4].value.translation.vector;
         assert!(inches.norm() > 30.0, "a head stands tens of inches from the tracker: {inches}");
         assert!((inches - Vector3::zeros()).iter().all(|x| x.is_finite()));
+    }
+
+    /// Devices of one name on several hosts became one, whose sensors overwrote each other.
+    #[test]
+    fn trackers_share_a_device_only_at_the_same_address() {
+        let text = [("a", "Tracker0@x"), ("b", "Tracker0@y"), ("c", "Tracker0@x:3883"), ("d", "a@z")]
+            .map(|(name, address)| format!("[tracker.{name}]\nvrpn = \"{address}\"\n"))
+            .concat();
+        let stage = Stage::parse(&format!("{}{text}", BUILT_IN[0].1), Path::new("bench.toml")).unwrap();
+        assert_eq!(device_names(&stage.tracking), ["Tracker0", "b", "Tracker0", "d"]);
+        let stand_in = StandIn::new(Script::find("bend").unwrap(), stage, 120.0);
+        let listening: Vec<String> =
+            stand_in.devices.iter().map(|device| device.trackers.join(" ")).collect();
+        assert_eq!(listening, ["a c", "b", "d"]);
     }
 
     #[test]

@@ -21,6 +21,7 @@ const PASSING_BY: f64 = 0.05;
 pub const PATIENCE: Duration = Duration::from_millis(5);
 
 /// The loaded data of a session.
+#[derive(Clone)]
 pub struct Assets {
     pub stage: Stage,
     pub bodies: Vec<Arc<BodyAssets>>,

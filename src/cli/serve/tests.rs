@@ -75,7 +75,7 @@ impl Lab {
     }
 
     fn link(&mut self) -> Link {
-        self.trackers.devices().next().unwrap().1.link.clone()
+        self.trackers.devices().next().unwrap().link.clone()
     }
 }
 

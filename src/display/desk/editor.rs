@@ -5,7 +5,7 @@
 //! scene's bodies. [`Sketches`] holds the body in hand and the elements that were made earlier or on other bodies, until
 //! they are precomputed.
 
-use crate::base::failure::Failure;
+use crate::base::failure::{self, Failure};
 use crate::edit::{Canvas, Sketch, Touch};
 use crate::interact::PickRay;
 use crate::render::{BodyBuffers, BodyInstance, Gpu, RenderError};
@@ -13,6 +13,7 @@ use crate::scene::{Grab, Scene};
 use crate::session::change::Step;
 use crate::world::World;
 use nalgebra::{Point3, Similarity3, Translation3};
+use std::collections::BTreeSet;
 use std::thread::JoinHandle;
 
 /// The part of a screen's width that the panel takes.
@@ -56,12 +57,7 @@ impl Loading {
     }
 
     pub fn finish(self, scene: &Scene) -> Result<Editor, Failure> {
-        let panicked = || {
-            Failure::Work(anyhow::anyhow!(
-                "reading the mesh stopped unexpectedly; this is a bug in greenstage"
-            ))
-        };
-        let canvas = self.thread.join().unwrap_or_else(|_| Err(panicked()))?;
+        let canvas = failure::join(self.thread, "reading the mesh")?;
         let body = scene
             .body
             .get(&self.body)
@@ -185,7 +181,12 @@ pub struct Sketches {
     /// A mesh that is being read for the next one.
     pub loading: Option<Loading>,
     left: Vec<Editor>,
+    /// Bodies that are shown with control elements which no file holds.
+    made: BTreeSet<String>,
 }
+
+/// The bodies with control elements that no file holds, each with its sketch's version.
+pub type Unsaved = BTreeSet<(String, Option<u64>)>;
 
 impl Sketches {
     /// Works on a body: on its sketch, where one was left.
@@ -221,33 +222,40 @@ impl Sketches {
         self.loading.as_ref().map(|_| Step { name: "the surface".into(), ..Step::default() })
     }
 
-    /// Forgets the sketch in hand where the scene has its control elements; whether it did.
+    /// Lets go of the sketch in hand where the scene has its control elements; whether it did.
     pub fn was_made(&mut self, scene: &Scene) -> bool {
         let is_made = |editor: &mut Editor| {
             scene.body.get(&editor.body).is_some_and(|body| body.control == editor.sketch.controls())
         };
-        self.open.take_if(is_made).is_some()
+        let made = self.open.take_if(is_made);
+        let unsaved = made.iter().filter(|editor| editor.sketch.is_changed());
+        self.made.extend(unsaved.map(|editor| editor.body.clone()));
+        made.is_some()
+    }
+
+    /// The sketch in hand and all that was made stand in a file now.
+    pub fn were_saved(&mut self) {
+        self.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
+        self.made.clear();
     }
 
     pub fn is_left(&self, body: &str) -> bool {
         self.left.iter().any(|editor| editor.body == body)
     }
 
-    /// The bodies whose sketches no file holds.
-    fn unsaved(&self) -> Vec<&str> {
-        let all = self.open.iter().chain(&self.left);
-        all.filter(|editor| editor.sketch.is_changed()).map(|editor| editor.body.as_str()).collect()
+    pub fn unsaved(&self) -> Unsaved {
+        let sketches = self.open.iter().chain(&self.left).filter(|editor| editor.sketch.is_changed());
+        let sketches = sketches.map(|editor| (editor.body.clone(), Some(editor.sketch.version)));
+        sketches.chain(self.made.iter().map(|body| (body.clone(), None))).collect()
     }
+}
 
-    /// Warning about the work that would be lost by quitting.
-    pub fn warning(&self) -> Option<String> {
-        let unsaved = self.unsaved().join(", ");
-        (!unsaved.is_empty()).then(|| {
-            format!(
-                "The control elements of {unsaved} are not saved. Press Escape again to quit without them."
-            )
-        })
-    }
+/// Warning about the work that would be lost by quitting.
+pub fn warning(unsaved: &Unsaved) -> String {
+    let mut bodies: Vec<&str> = unsaved.iter().map(|(body, _)| body.as_str()).collect();
+    bodies.dedup();
+    let bodies = bodies.join(", ");
+    format!("The control elements of {bodies} are not saved. Press Escape again to quit without them.")
 }
 
 #[cfg(test)]
@@ -279,18 +287,26 @@ mod tests {
         sketches.open.as_mut().unwrap().sketch.delete(1);
         let made = sketches.open.as_ref().unwrap().sketch.elements.clone();
         assert!(sketches.leave().is_some());
-        assert!(sketches.is_left("bar") && sketches.unsaved() == ["bar"]);
+        assert!(sketches.is_left("bar") && warning(&sketches.unsaved()).contains(" of bar are "));
 
         sketches.begin(&scene, "bar").unwrap();
         let sketch = &mut sketches.open.as_mut().unwrap().sketch;
         assert_eq!(sketch.elements, made, "it is there again, without reading the mesh");
         sketch.throw_away();
         assert!(!sketch.is_changed() && sketch.elements.len() == 2);
+        assert!(sketches.unsaved().is_empty());
+        let sketch = &mut sketches.open.as_mut().unwrap().sketch;
         sketch.undo();
         assert_eq!(sketch.elements, made);
 
         assert!(!sketches.was_made(&scene), "another change of the scene");
         scene.body["bar"].control.shift_remove("high");
-        assert!(sketches.was_made(&scene) && sketches.unsaved().is_empty());
+        assert!(sketches.was_made(&scene) && sketches.open.is_none());
+        assert_eq!(sketches.unsaved(), [("bar".to_owned(), None)].into(), "no file holds what is shown");
+        opened(&mut sketches, &scene);
+        assert!(sketches.was_made(&scene));
+        assert_eq!(sketches.unsaved().len(), 1, "it was not saved meanwhile");
+        sketches.were_saved();
+        assert!(sketches.unsaved().is_empty());
     }
 }

@@ -6,8 +6,9 @@
 
 use super::video::Video;
 use crate::base::failure::Failure;
-use crate::base::output::{self, Kind};
+use crate::base::output;
 use crate::base::text::quoted;
+use crate::display::pictures::PNG;
 use crate::edit::save::save as save_scene;
 use crate::export::{Exporter, Geometry, PoseResult, ResultSet};
 use crate::prepare::Resolved;
@@ -17,8 +18,6 @@ use crate::session::Session;
 use crate::world::World;
 use image::RgbaImage;
 use std::path::{Path, PathBuf};
-
-const PNG: Kind = Kind { name: "a PNG file", recognizes: |head| head.starts_with(b"\x89PNG") };
 
 /// Pictures that are wanted of a window, and a video that is being recorded.
 #[derive(Default)]

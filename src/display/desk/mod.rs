@@ -25,10 +25,10 @@ use crate::prepare::Resolved;
 use crate::render::window::{Button, Glass, Input, Key, Windows};
 use crate::render::{BodyInstance, Gpu, Overlay, RenderError};
 use crate::session::change::Step;
-use crate::session::keys::scale;
+use crate::session::keys::{scale, takes_over};
 use crate::session::{Change, Session, Steps};
 use crate::stage::Stage;
-use editor::{Editor, Sketches};
+use editor::{Editor, Sketches, Unsaved};
 use egui::Popup;
 use input::PanelInput;
 use keep::{Keeper, said};
@@ -66,8 +66,8 @@ pub struct Desk {
     orders: Vec<Order>,
     /// Rectangles of panel and messages in the window.
     covered: Vec<egui::Rect>,
-    /// Whether it was warned that unsaved work would be lost.
-    is_warned: bool,
+    /// The work about which it was warned that it would be lost.
+    warned: Unsaved,
     started: Instant,
 }
 
@@ -90,15 +90,34 @@ impl Default for Desk {
             begun: 0,
             orders: Vec::new(),
             covered: Vec::new(),
-            is_warned: false,
+            warned: Unsaved::new(),
             started: Instant::now(),
         }
     }
 }
 
 impl Desk {
-    /// Takes an input, and returns it if it is meant for the scene. `ray` is that of the mouse at a place of a window.
+    /// Takes an input, and returns it if it is meant for the scene. `ray` is that of the mouse at a place of a window. A press
+    /// that is kept takes over from a script as one on the scene does.
     pub fn input(
+        &mut self,
+        input: Input,
+        session: &mut Session,
+        ray: impl FnOnce(usize, [f32; 2], &Session) -> Option<PickRay>,
+    ) -> Option<Input> {
+        let meant = self.meant_for_scene(input, session, ray);
+        let is_press = match input {
+            Input::Button { pressed, .. } => pressed,
+            Input::Key { key, pressed, .. } => pressed && takes_over(key),
+            _ => false,
+        };
+        if is_press && meant.is_none() {
+            session.take_over();
+        }
+        meant
+    }
+
+    fn meant_for_scene(
         &mut self,
         input: Input,
         session: &mut Session,
@@ -204,6 +223,9 @@ impl Desk {
     pub fn step(&mut self, session: &mut Session) -> After {
         for order in std::mem::take(&mut self.orders) {
             self.follow(order, session);
+        }
+        if !self.warned.is_empty() && self.warned != self.sketches.unsaved() {
+            self.warned.clear();
         }
         if let Some(draft) = &self.draft
             && let Err(failure) = self.sketches.load(&draft.scene)
@@ -341,11 +363,12 @@ impl Desk {
     fn save(&mut self, session: &mut Session, path: &std::path::Path) -> Result<(), Failure> {
         let Some(draft) = &mut self.draft else { return Ok(()) };
         let (scene, _) = draft.wanted(session, self.sketches.open.as_ref())?;
+        let scene = Resolved::new(scene)?;
         let is_shown = session.scene.as_ref().is_some_and(|shown| shown.body == scene.body);
         let file = session.file.as_deref().filter(|_| is_shown);
         let saved = save::save(&scene, &draft.comments(&scene), file, path)?;
         draft.was_saved(&saved);
-        self.sketches.open.iter_mut().for_each(|editor| editor.sketch.was_saved());
+        self.sketches.were_saved();
         if is_shown && draft.is_on_shown_stage(&scene) {
             session.scene = Some(Resolved::new(saved)?);
             session.is_saved = true;
@@ -359,12 +382,16 @@ impl Desk {
         editor.map(|editor| editor.instance(gpu, &session.world)).transpose()
     }
 
-    /// Warns of work that no file holds, once, so that a second Escape quits; returns whether it did.
+    /// Warns of work that no file holds, once while nothing of it changes, so that a second Escape quits; returns whether it
+    /// did.
     pub fn keeps_open(&mut self) -> bool {
-        let warning = self.sketches.warning().filter(|_| !self.is_warned);
-        self.is_warned |= warning.is_some();
-        warning.iter().for_each(|warning| self.messages.wrong(warning));
-        warning.is_some()
+        let unsaved = self.sketches.unsaved();
+        let warns = !unsaved.is_empty() && unsaved != self.warned;
+        if warns {
+            self.messages.wrong(&editor::warning(&unsaved));
+        }
+        self.warned = unsaved;
+        warns
     }
 
     /// The path of the next .green file: beside nothing of the user's, until a scene is saved.
@@ -453,6 +480,30 @@ impl Desk {
             Some(Ok(told)) => notice!("{told}"),
             Some(Err(wrong)) => notice!("note: {wrong}"),
             None => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::Leader;
+    use crate::track::Script;
+
+    /// Tab, K and L left the script to lead.
+    #[test]
+    fn the_keys_of_the_desk_take_over_from_a_script() {
+        for (key, leader) in [
+            (Key::Tab, Leader::Nobody),
+            (Key::Char('k'), Leader::Nobody),
+            (Key::Char('l'), Leader::Nobody),
+            (Key::Function(8), Leader::Script),
+        ] {
+            let script = Script::find("bend").unwrap();
+            let mut session = Session::new(crate::world::tests::world(), Some(script));
+            let input = Input::Key { window: 0, key, pressed: true };
+            assert_eq!(Desk::default().input(input, &mut session, |_, _, _| None), None);
+            assert_eq!(session.input.leader(), leader, "{key:?}");
         }
     }
 }

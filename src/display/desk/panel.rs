@@ -46,12 +46,14 @@ pub struct Now<'a> {
 
 impl Draft {
     pub fn new(scene: &Scene) -> Draft {
+        let mut scene = scene.clone();
+        scene.body.values_mut().for_each(Body::forget_added);
         Draft {
-            file: free_name(scene),
+            file: free_name(&scene),
             shown: scene.clone(),
-            scene: scene.clone(),
             shown_stage: scene.stage.clone(),
             stage: scene.stage.clone(),
+            scene,
             body: 0,
         }
     }
@@ -411,6 +413,21 @@ mod tests {
         // A built-in stage stands in place of the scene's, too.
         let session = Session::open(&Request { stage: Some("desktop"), ..Request::new(&scene) }).unwrap();
         assert_eq!(Draft::new(session.scene.as_ref().unwrap()).stage, "desktop");
+    }
+
+    /// Unticking "contact" left the compliance that it needs, and saving wrote it.
+    #[test]
+    fn what_an_effect_needs_is_neither_kept_without_it_nor_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = SCENE.replacen("[body.bar]\n", "[body.bar]\neffects = [\"contact\"]\n", 1);
+        let scene = Resolved::parse(&text, &folder.path().join("bar.toml")).unwrap();
+        assert!(scene.body["bar"].surface_compliance.is_some());
+        let saved = save::save(&scene, &Comments::new(), None, &folder.path().join("mine.toml")).unwrap();
+        assert_eq!(saved.body["bar"].surface_compliance, None);
+        let mut draft = Draft::new(&scene);
+        draft.scene.body["bar"].effects.clear();
+        let without = Resolved::new(draft.scene).unwrap();
+        assert_eq!(without.body["bar"].surface_compliance, None);
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! The rows on the right, of each body: how far it is bent, what errors to expect, poses and forces of its control elements.
 
 use super::readings::{BodyReading, ControlReading, ErrorReading, ForceReading};
-use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, words};
+use super::row::{GAP, Rank, Ranked, Row, words};
 use crate::base::fixed::{ENERGY, FORCE, LENGTH, LETTERS, Scale, TORQUE, Unit, clipped, fixed};
 use crate::deform::{ErrorsAt, StateAge, percent};
-use crate::display::caption::{INK, QUIET};
+use crate::display::caption::{BAD, FAIR, GOOD, INK, QUIET};
 use crate::world::Verdict;
 use nalgebra::Vector3;
 use std::f64::consts::PI;

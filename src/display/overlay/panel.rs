@@ -3,15 +3,14 @@
 
 use super::body_rows::body_rows;
 use super::readings::{COLOURS, FRAMES, HandDoes, HandReading, History, Readings, STEPS, SensorReading};
-use super::row::{BAD, FAIR, GAP, GOOD, Rank, Ranked, Row, Words, fitting, height, words};
+use super::row::{GAP, Rank, Ranked, Row, Words, fitting, height, words};
 use super::seats::{SeatRequests, Seats};
 use crate::base::fixed::{LETTERS, clipped, fixed};
-use crate::display::caption::{DARK, INK, QUIET};
+use crate::display::caption::{BAD, DARK, FAIR, GOOD, INK, QUIET, RULE};
 use crate::display::plates::ink;
 use crate::track::Signal;
-use egui::{Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
+use egui::{FontId, Mesh, Painter, Pos2, Rect, Shape, pos2, vec2};
 
-const RULE: Color32 = Color32::from_rgb(54, 62, 74);
 /// Rows of warnings.
 const WARNINGS: usize = 4;
 /// Height of the letters, pixels: below the first they cannot be read.

@@ -2,10 +2,6 @@
 
 use egui::Color32;
 
-pub(super) const GOOD: Color32 = Color32::from_rgb(116, 196, 118);
-pub(super) const FAIR: Color32 = Color32::from_rgb(240, 180, 60);
-pub(super) const BAD: Color32 = Color32::from_rgb(240, 86, 70);
-
 /// A piece of a row in its colour.
 pub(super) type Words = Vec<(String, Color32)>;
 
@@ -90,6 +86,7 @@ pub(super) fn fitting(mut rows: Vec<Ranked>, lines: f32, quiet: Color32) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::caption::GOOD;
 
     #[test]
     fn the_least_rows_are_left_out_first_and_counted() {

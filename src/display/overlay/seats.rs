@@ -4,6 +4,7 @@
 //! right edge. A plate stays where it is until something comes under it, and goes back to its own side when that has been
 //! free for a second.
 
+use crate::display::plate_seats::free_since;
 use egui::{Rect, pos2, vec2};
 
 /// The seat of a plate: its corner, its width, and its largest height; none where that is less than it needs.
@@ -44,9 +45,6 @@ pub(super) struct SeatRequests {
     pub is_wide: bool,
 }
 
-/// Time after which plates go back to their own sides, s.
-const BACK_S: f64 = 1.0;
-
 impl Seats {
     /// The seats of both plates in this frame; `None` where there is no room for one.
     pub(super) fn take(&mut self, wanted: &SeatRequests, clear: &[Rect], time_s: f64) -> [Option<Seat>; 2] {
@@ -61,10 +59,8 @@ impl Seats {
         };
         // Three margins are free before they go back: what trembles at the border does not make them.
         let is_free = far(&own, 3.0 * wanted.margin);
-        // A script's time begins anew with every round.
-        let free_since_s = self.free_since_s.filter(|since_s| is_free && time_s >= *since_s);
-        self.free_since_s = free_since_s.or(is_free.then_some(time_s));
-        let is_back = self.free_since_s.is_some_and(|since_s| time_s - since_s >= BACK_S);
+        let (free_since_s, is_back) = free_since(self.free_since_s, is_free, time_s);
+        self.free_since_s = free_since_s;
         let kept = self.chosen.take().filter(|chosen| {
             let is_right = chosen.inside == wanted.inside && far(&chosen.seats, 0.0);
             is_right && (chosen.is_own || !is_back)

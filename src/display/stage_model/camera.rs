@@ -160,7 +160,7 @@ pub(super) fn outline(stage: &Stage) -> Vec<Point3<f64>> {
         (0..8)
             .map(move |k| middle + Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half }))
     };
-    stage.screens.iter().flat_map(corners).chain(boxes.into_iter().flat_map(of_box)).collect()
+    stage.screens.iter().flat_map(Screen::corners).chain(boxes.into_iter().flat_map(of_box)).collect()
 }
 
 pub(super) fn ball_about(points: &[Point3<f64>]) -> (Point3<f64>, f64) {
@@ -169,11 +169,6 @@ pub(super) fn ball_about(points: &[Point3<f64>]) -> (Point3<f64>, f64) {
         points.iter().fold((first, first), |(low, high), point| (low.inf(point), high.sup(point)));
     let middle = nalgebra::center(&low, &high);
     (middle, points.iter().map(|point| (point - middle).norm()).fold(0.0, f64::max))
-}
-
-/// Counter-clockwise from the lower left, as the viewer sees them.
-pub(super) fn corners(screen: &Screen) -> [Point3<f64>; 4] {
-    [screen.lower_left, screen.lower_right, screen.upper_right(), screen.upper_left]
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! In: a stage and where the head is now. Out: [`Drawable`]s in the room, and the names to be written beside
 //! them. The caller adds bodies and styli; a [`Camera`](super::Camera) looks at the whole.
 
-use super::camera::{ball_about, corners, outline};
+use super::camera::{ball_about, outline};
 use crate::display::caption::{DARK, INK, LEFT, Lettering, QUIET, RIGHT, wrapped};
 use crate::render::{Ball, Drawable, FrameContents, Grid, Line, Quad, View};
 use crate::stage::{Eye, Screen, Stage};
@@ -56,7 +56,7 @@ impl StageModel {
     pub fn new(stage: &Stage, room_from_head: &Isometry3<f64>, camera: &Point3<f64>) -> Self {
         let mut room = Self::default();
         let (_, radius) = ball_about(&outline(stage));
-        let heights = stage.screens.iter().flat_map(corners).map(|corner| corner.y);
+        let heights = stage.screens.iter().flat_map(Screen::corners).map(|corner| corner.y);
         let floor_m = heights.fold(0.0, f64::min);
         room.add_floor(stage, floor_m, radius);
         room.add_screens(stage, floor_m, camera);
@@ -155,7 +155,7 @@ impl StageModel {
         let away = |screen: &Screen| (screen.point([0.0, 0.0]) - camera).norm();
         from_far.sort_by(|a, b| away(b).total_cmp(&away(a)));
         for screen in from_far {
-            let all = corners(screen);
+            let all = screen.corners();
             let [right, up] =
                 [screen.lower_right, screen.upper_left].map(|corner| corner - screen.lower_left);
             self.drawables.push(Drawable::Quad(Quad {
@@ -207,7 +207,7 @@ impl StageModel {
             let mut colour = linear(eye_ink(eye));
             colour[3] = 0.5;
             for screen in stage.screens.iter().filter(|screen| screen.distance_m(&place) > 0.0) {
-                for corner in corners(screen) {
+                for corner in screen.corners() {
                     self.line(place, corner, colour, 1.0);
                 }
             }

@@ -4,7 +4,7 @@ use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::stage::description::Stage;
 use crate::stage::error::place;
 use crate::stage::loudspeaker::{Bearing, Loudspeaker, SoundOutput, most_open};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Rotation3, Vector3};
 
 /// Loudspeakers that the viewer sees nearer to each other than this are reported, degrees.
 const NEAR_DEGREES: f64 = 5.0;
@@ -107,8 +107,10 @@ fn open(stage: &Stage) -> Option<Diagnostic> {
         ("above", Vector3::y()),
         ("below", -Vector3::y()),
     ];
+    let gaze = head.rotation * -Vector3::z();
+    let room_from_gaze = Rotation3::new(Vector3::y() * -gaze.x.atan2(-gaze.z));
     // The directions near the one that is farthest from all loudspeakers count as one.
-    let name = ways.iter().find(|(_, way)| way.dot(&worst) > 0.999).map_or_else(
+    let name = ways.iter().find(|(_, way)| (room_from_gaze * way).dot(&worst) > 0.999).map_or_else(
         || {
             Bearing::new(head, &(head.translation.vector + worst).into())
                 .to_string()

@@ -206,6 +206,11 @@ fn swapped_and_missing_eyes_are_told() {
     for screen in ["wall", "table"] {
         has(&both, &[&format!("warning: screen.{screen}"), "right of the right eye's: are"]);
     }
+    let text = with("workbench", &pairs([[0, 0], [1280, 0], [0, 1024], [1280, 1024]]));
+    let all_swapped = found_on(&monitors(2), &format!("swap_eyes = true\n{text}"));
+    for screen in ["wall", "table"] {
+        has(&all_swapped, &[&format!("warning: screen.{screen}"), "right of the right eye's: are"]);
+    }
     let one = "[[window]]\nscreen = \"wall\"\nstereo = \"left\"\n";
     let missing = more(&[], one);
     has(&missing, &["warning: screen.table", "no window shows it"]);
@@ -395,4 +400,9 @@ fn loudspeakers_that_cannot_be_right_are_named_with_the_remedy() {
         .replace("2.4, 1.5]\n\n[[loud", "1.6, 1.5]\n\n[[loud")
         .replace("[1.5, 2.4, 1.5]", "[1.5, 1.6, 1.5]");
     has(&found_on(&[], &low), &["warning: loudspeakers: nothing sounds from above", "° aside"]);
+    let front = with("cyberstage", "").replace(", 1.5]\n\n", ", -1.5]\n\n");
+    let front = front.replace("position = [1.5, 2.4, 1.5]", "position = [1.5, 2.4, -1.5]");
+    has(&found_on(&[], &front), &["warning: loudspeakers: nothing sounds from behind"]);
+    let to_the_left = front.replace("target = [0.0, 1.20, -0.60]", "direction = [-1, 0, 0]");
+    has(&found_on(&[], &to_the_left), &["warning: loudspeakers: nothing sounds from left"]);
 }

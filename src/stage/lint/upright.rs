@@ -4,6 +4,7 @@
 
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::stage::description::Stage;
+use crate::stage::error::place;
 use crate::stage::screen::Screen;
 use nalgebra::{Point3, Vector3};
 
@@ -23,19 +24,14 @@ pub fn lint(stage: &Stage) -> Option<Diagnostic> {
     if with_z_up + ceilings < stage.screens.len() || with_z_up <= right(Vector3::y()) {
         return None;
     }
-    let written = |x: &Point3<f64>| {
-        // Adding 0.0 prints -0.0 as 0.0.
-        let [x, y, z] = [x.x, x.y, x.z].map(|m| (m * 1e4).round() / 1e4 + 0.0);
-        format!("[{x:.4}, {y:.4}, {z:.4}]")
-    };
     let Point3 { coords: x, .. } = standing.lower_left;
     let turned = Point3::new(x.x, x.z, -x.y);
     let message = format!(
         "its screens stand as if z pointed up, and stages have y up. Write every [x, y, z] as [x, z, -y], such as the \
          lower_left {} of {} as {}",
-        written(&standing.lower_left),
+        place(&standing.lower_left),
         standing.name,
-        written(&turned)
+        place(&turned)
     );
     Some(Diagnostic::new(Severity::Error, "stage", message))
 }

@@ -22,7 +22,7 @@ pub use report::{ChannelReport, SensorReport, TrackerReport};
 use super::device::{DeviceState, Link, Source, now_s};
 use super::state::{Signal, StylusState, TrackerState};
 use crate::stage::Tracking;
-use crate::stage::tracking::{ButtonId, TrackerSource};
+use crate::stage::tracking::{ButtonId, TrackerFrame, TrackerSource};
 use nalgebra::Isometry3;
 
 /// The running trackers of a stage; their sources stop when it is dropped.
@@ -38,6 +38,7 @@ pub struct TrackerSet {
 struct Running {
     name: String,
     source: Box<dyn Source>,
+    frame: TrackerFrame,
     link: Link,
     reconnects: u64,
     was_there: bool,
@@ -55,10 +56,27 @@ struct Followed {
 struct Hand {
     name: String,
     sensor: usize,
-    grab: Option<(usize, i32)>,
-    second: Option<(usize, i32)>,
-    /// After the stylus or a connection was lost, a button counts again only once it was seen released.
+    /// The one that grabs, and the second one.
+    buttons: [Option<HandButton>; 2],
+}
+
+struct HandButton {
+    tracker: usize,
+    number: i32,
+    /// After the stylus or the button's tracker was lost, it counts again only once it was seen released.
     must_release: bool,
+}
+
+impl HandButton {
+    /// Whether it is down and counts. A button of a tracker that is not connected is up.
+    fn is_pressed(&mut self, tracker: &mut Running, is_lost: bool, now_s: f64) -> bool {
+        let greets = tracker.there_since_s.is_none_or(|since_s| now_s - since_s < GREETING_S);
+        let state = tracker.source.latest();
+        let is_down =
+            is_there(&state.link) && state.buttons.get(&self.number).is_some_and(|reading| reading.value);
+        self.must_release = is_lost || greets || self.must_release && is_down;
+        is_down && !self.must_release
+    }
 }
 
 /// A tracker that has just connected reports within this time which buttons are down, s: these were not pressed now.
@@ -99,25 +117,25 @@ impl TrackerSet {
             })
         });
         let button = |id: &Option<ButtonId>| {
-            id.as_ref().and_then(|id| tracker_of(&id.tracker).map(|tracker| (tracker, id.button)))
+            let id = id.as_ref()?;
+            Some(HandButton { tracker: tracker_of(&id.tracker)?, number: id.button, must_release: true })
         };
         let styli = tracking.styli.iter().filter_map(|(name, stylus)| {
             Some(Hand {
                 name: name.clone(),
                 sensor: sensor_of(&stylus.sensor)?,
-                grab: button(&stylus.grab),
-                second: button(&stylus.second),
-                must_release: true,
+                buttons: [button(&stylus.grab), button(&stylus.second)],
             })
         });
         TrackerSet {
             trackers: tracking
                 .trackers
-                .keys()
+                .iter()
                 .zip(sources)
-                .map(|(name, source)| Running {
+                .map(|((name, tracker), source)| Running {
                     name: name.clone(),
                     source,
+                    frame: tracker.frame,
                     link: Link::Waiting,
                     reconnects: 0,
                     was_there: false,
@@ -134,7 +152,7 @@ impl TrackerSet {
     /// Head and styli at `now_s` (the clock of [`now_s`]), predicted as each sensor's `predict` says.
     ///
     /// The head is `None` until its sensor was tracked; until then the stage's viewer holds. A lost stylus has its last pose,
-    /// [`Signal::Lost`], and no button pressed. After it came back, or after its buttons' tracker was gone, a button counts
+    /// [`Signal::Lost`], and no button pressed. After it came back, or after a button's tracker was gone, that button counts
     /// only once it was seen released.
     pub fn state(&mut self, now_s: f64) -> TrackerState {
         self.update(now_s);
@@ -143,19 +161,16 @@ impl TrackerSet {
         for hand in &mut self.styli {
             let followed = &self.sensors[hand.sensor];
             let signal = followed.follower.signal;
-            let trackers = &mut self.trackers;
-            let [grab, second] =
-                [hand.grab, hand.second].map(|button| button.is_some_and(|id| is_pressed(trackers, id)));
-            let of_hand =
-                || [hand.grab, hand.second].into_iter().flatten().map(|(tracker, _)| &trackers[tracker]);
-            let greets =
-                |running: &Running| running.there_since_s.is_none_or(|since_s| now_s - since_s < GREETING_S);
-            let is_lost = matches!(signal, Signal::Lost { .. }) || of_hand().any(greets);
-            hand.must_release = is_lost || hand.must_release && (grab || second);
+            let is_lost = matches!(signal, Signal::Lost { .. });
+            let [pressed, second] = hand.buttons.each_mut().map(|button| {
+                button.as_mut().is_some_and(|button| {
+                    button.is_pressed(&mut self.trackers[button.tracker], is_lost, now_s)
+                })
+            });
             styli.push(StylusState {
                 room_from_stylus: followed.pose.unwrap_or_else(Isometry3::identity).cast(),
-                pressed: grab && !hand.must_release,
-                second: second && !hand.must_release,
+                pressed,
+                second,
                 signal,
                 from_eye: false,
             });
@@ -184,9 +199,9 @@ impl TrackerSet {
         std::mem::take(&mut self.notices)
     }
 
-    /// Name and newest raw state of every tracker, for passing them on.
-    pub fn devices(&mut self) -> impl Iterator<Item = (&str, &DeviceState)> {
-        self.trackers.iter_mut().map(|running| (running.name.as_str(), running.source.latest()))
+    /// The newest raw state of every tracker, for passing them on.
+    pub fn devices(&mut self) -> impl Iterator<Item = &DeviceState> {
+        self.trackers.iter_mut().map(|running| running.source.latest())
     }
 
     /// Names of the styli, in the order of [`TrackerState::styli`].
@@ -218,10 +233,9 @@ impl TrackerSet {
                 .collect();
             let is_named = |id: i32| named.iter().any(|followed| followed.follower.sensor.id == id);
             let unnamed = state.sensors.iter().filter(|(id, _)| !is_named(**id));
-            let frame = named.first().map(|followed| followed.follower.frame);
             sensors.extend(unnamed.map(|(id, reading)| {
                 let report = report::sensor(*id, Some(reading), now_s);
-                let in_room = frame.zip(report.raw).map(|(frame, raw)| frame.room_from_sensor(&raw));
+                let in_room = report.raw.map(|raw| running.frame.room_from_sensor(&raw));
                 SensorReport { in_room, ..report }
             }));
             reports.push(TrackerReport {
@@ -311,12 +325,6 @@ fn push(notices: &mut Vec<String>, notice: String) {
 
 fn is_there(link: &Link) -> bool {
     matches!(link, Link::Up | Link::Quiet)
-}
-
-/// A button of a tracker that is not connected counts as released.
-fn is_pressed(trackers: &mut [Running], (tracker, button): (usize, i32)) -> bool {
-    let state = trackers[tracker].source.latest();
-    is_there(&state.link) && state.buttons.get(&button).is_some_and(|reading| reading.value)
 }
 
 #[cfg(test)]

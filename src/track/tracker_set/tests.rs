@@ -24,9 +24,9 @@ sensor = "wand"
 grab = { tracker = "pad", button = 3 }
 "#;
 
-fn tracking() -> Tracking {
+fn tracking(keys: &str) -> Tracking {
     let text = crate::stage::BUILT_IN[0].1.replace("ipd = 0.064", "ipd = 0.064\nhead = \"head\"");
-    Stage::parse(&format!("{text}{KEYS}"), Path::new("a.toml")).unwrap().tracking
+    Stage::parse(&format!("{text}{keys}"), Path::new("a.toml")).unwrap().tracking
 }
 
 /// Reports that a test has a fake source make.
@@ -47,10 +47,14 @@ impl FakeSource {
 }
 
 fn trackers() -> (TrackerSet, FakeSource, FakeSource) {
+    trackers_of(KEYS)
+}
+
+fn trackers_of(keys: &str) -> (TrackerSet, FakeSource, FakeSource) {
     let (a, pad) = (FakeSource::default(), FakeSource::default());
     [&a, &pad].iter().for_each(|source| source.link(Link::Up));
     let trackers =
-        TrackerSet::with_sources(&tracking(), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
+        TrackerSet::with_sources(&tracking(keys), vec![Box::new(a.clone()), Box::new(pad.clone())], 0.0);
     (trackers, a, pad)
 }
 
@@ -121,6 +125,22 @@ fn a_button_of_a_tracker_that_is_gone_is_released() {
     assert_eq!(notices, ["tracker pad (fake source) is gone: unplugged; it is tried again"]);
 }
 
+/// A stylus whose second button was on an absent tracker could not grab.
+#[test]
+fn a_button_on_an_absent_tracker_keeps_no_other_from_counting() {
+    let second = "second = { tracker = \"a\", button = 3 }\n";
+    let (mut trackers, a, pad) = trackers_of(&format!("{KEYS}{second}"));
+    a.link(Link::Down("unplugged".into()));
+    a.button(true);
+    a.pose(1, 0.0, 0.0);
+    pad.button(false);
+    trackers.state(0.0);
+    trackers.state(0.1);
+    pad.button(true);
+    let stylus = trackers.state(0.11).styli[0];
+    assert!(stylus.pressed && !stylus.second);
+}
+
 #[test]
 fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_released() {
     let (mut trackers, a, pad) = trackers();
@@ -157,6 +177,18 @@ fn a_button_that_a_returned_tracker_says_is_down_counts_once_it_was_seen_release
     pad.button(true);
     pad.link(Link::Quiet);
     assert!(is_pressed(0.62));
+}
+
+#[test]
+fn a_sensor_is_placed_in_the_room_before_any_has_a_name() {
+    let keys = "[tracker.a]\nosc = \"0\"\nroom_from_tracker = { position = [1.0, 0.0, 0.0] }\n";
+    let text = format!("{}{keys}", crate::stage::BUILT_IN[0].1);
+    let tracking = Stage::parse(&text, Path::new("a.toml")).unwrap().tracking;
+    let a = FakeSource::default();
+    let mut trackers = TrackerSet::with_sources(&tracking, vec![Box::new(a.clone())], 0.0);
+    a.pose(5, 0.0, 0.5);
+    let reports = trackers.report(0.1);
+    assert_eq!(reports[0].sensors[0].in_room, Some(Isometry3::translation(1.5, 1.5, 0.0)));
 }
 
 #[test]

@@ -42,6 +42,7 @@ fn a_script_goes_through_two_programs_to_a_third() {
     std::fs::write(&path, BUILT_IN[0].1.to_owned() + &keys).unwrap();
     let options = ["--serve", "127.0.0.1:0", "--json", "--interval", "0.05", "--seconds", "300"];
     let (mut table, address) = track(&[&[path.to_str().unwrap()], &options[..]].concat());
+    assert!(address.starts_with("Tracker0@"), "where --tracker lab=HOST looks for it: {address}");
     let mut client = Client::with_timing(Address::parse(&address).unwrap(), Transport::Tcp, STEADY);
     assert_eq!(client.describe(), format!("vrpn {address}"));
     wait("twenty poses have come", || client.latest().sensors.get(&1).is_some_and(|wand| wand.count > 20));

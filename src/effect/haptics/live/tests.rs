@@ -146,8 +146,10 @@ fn a_vrpn_device_is_the_stylus_and_feels_what_its_button_grabbed() {
             let stylus = Isometry3::from_parts(Translation3::from(place(1.5, y).coords), rotation);
             let handle = device_from_handle(&haptic, &(stylus * haptic.sensor_from_body.inverse()));
             *phantom.said.lock().unwrap() = (handle, pressed);
-            let mut state =
-                trackers::merge(&mut trackers, TrackerState { time_s: now_s(), ..Default::default() });
+            let mut state = trackers::merge(
+                trackers.state(now_s()),
+                TrackerState { time_s: now_s(), ..Default::default() },
+            );
             let mut haptics = haptics.borrow_mut();
             haptics.input(&mut state);
             world.step(&state.clone().into());
