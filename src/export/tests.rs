@@ -241,7 +241,7 @@ fn all_nodes_tell_what_the_surface_tells() {
     assert_eq!(drawn(&summed), drawn(&anew));
 }
 
-/// Of a pose that is no longer found, no file of an earlier run stays.
+/// Files of an earlier run do not stay beside a pose that is missed now.
 #[test]
 fn files_of_a_pose_that_is_missed_now_are_removed() {
     let folder = tempfile::tempdir().unwrap();

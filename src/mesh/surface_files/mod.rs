@@ -174,7 +174,10 @@ fn weld(raw: RawSurface) -> Result<LoadedSurface, FormatFault> {
         notices.push(format!("{many_sided} faces of more than three corners were cut into triangles"));
     }
     if crossing > 0 {
-        notices.push(format!("{crossing} faces cross themselves, and their triangles lie over each other"));
+        notices.push(format!(
+            "{crossing} faces cross themselves, or are concave with more than {} corners: their triangles lie over each other",
+            polygon::MOST_CORNERS
+        ));
     }
     if degenerate > 0 {
         notices.push(format!("{degenerate} faces of fewer than three different vertices were dropped"));
