@@ -17,24 +17,24 @@ pub fn each_in_teams<T: Send>(
     let threads = rayon::current_num_threads() / teams;
     let pool = |_| rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok();
     let pools: Vec<rayon::ThreadPool> = (0..teams).filter_map(pool).collect();
-    // This thread has a pool already; fewer can be started where threads are limited.
-    if pools.len() < 2 {
-        return (0..count).for_each(|number| take(number, job(number)));
-    }
     let next = AtomicUsize::new(0);
+    let claim = || Some(next.fetch_add(1, Relaxed)).filter(|next| *next < count);
     let (sender, results) = mpsc::channel();
     std::thread::scope(|scope| {
-        for pool in &pools {
-            let (job, next, sender) = (&job, &next, sender.clone());
-            scope.spawn(move || {
-                let mut own =
-                    std::iter::from_fn(|| Some(next.fetch_add(1, Relaxed)).filter(|next| *next < count));
+        for pool in pools.iter().filter(|_| pools.len() > 1) {
+            let (job, claim, sender) = (&job, &claim, sender.clone());
+            let work = move || {
+                let mut own = std::iter::from_fn(claim);
                 own.try_for_each(|number| sender.send((number, pool.install(|| job(number)))))
-            });
+            };
+            // The others do what is left by one that cannot be started.
+            let _ = std::thread::Builder::new().spawn_scoped(scope, work);
         }
         drop(sender);
         results.iter().for_each(|(number, result)| take(number, result));
     });
+    // Without a second team, this thread does all.
+    std::iter::from_fn(claim).for_each(|number| take(number, job(number)));
 }
 
 #[cfg(test)]

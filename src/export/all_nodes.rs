@@ -3,6 +3,7 @@
 //! In: a scene, and what is summed over the surface from a .green file that is gone afterwards. Out: u = Σ c_k u⁽ᵏ⁾ + Σ λ_j u_j at every
 //! node of the mesh; forces, stress and warnings are those of the surface, as without it.
 
+use super::asked::PoseRequest;
 use super::result_set::{Geometry, PoseResult, StressResult};
 use crate::base::diagnostic;
 use crate::base::failure::Failure;
@@ -21,16 +22,21 @@ pub(super) struct AllNodes {
 }
 
 impl AllNodes {
-    /// Solves the bodies of a scene; fails for models other than the linear theory.
-    pub(super) fn solve(scene: &Resolved) -> Result<AllNodes, Failure> {
-        let solved = |name: &String| {
-            let model = scene.bodies[name].model;
-            if !model.is_linear() {
-                return Err(Failure::request(scene.invalid(
-                    &format!("body.{name}.model"),
-                    format!("--all-nodes solves the linear theory, not the model \"{}\"", model.name),
-                )));
-            }
+    /// Solves the bodies of a scene; fails for models other than the linear theory, and for poses with forces at points.
+    pub(super) fn solve(scene: &Resolved, asked: &[PoseRequest<'_>]) -> Result<AllNodes, Failure> {
+        if let Some((name, body)) = scene.bodies.iter().find(|(_, body)| !body.model.is_linear()) {
+            let message =
+                format!("--all-nodes solves the linear theory, not the model \"{}\"", body.model.name);
+            return Err(Failure::request(scene.invalid(&format!("body.{name}.model"), message)));
+        }
+        let has_forces = |asked: &&PoseRequest<'_>| {
+            scene.bodies.contains_key(asked.body) && !asked.loads.forces.is_empty()
+        };
+        if let Some(asked) = asked.iter().find(has_forces) {
+            let message = "forces at points are summed from the .green file: leave --all-nodes out";
+            return Err(Failure::wrong(format!("{}: {message}", asked.place())));
+        }
+        let solved = |name: &String| -> Result<Precomputed, Failure> {
             let requirements = scene.requirements(name)?.without(UPDATES).only_families();
             let solution = green::solve(scene, name, &requirements, &Silent)?;
             diagnostic::report("", &solution.notices);

@@ -37,7 +37,7 @@ pub fn solve(
     all_nodes: bool,
 ) -> Result<(ResultSet, String), Failure> {
     let online = prepare::summed_part(scene)?;
-    let anew = (all_nodes && !online.body.is_empty()).then(|| AllNodes::solve(&online)).transpose()?;
+    let anew = (all_nodes && !online.body.is_empty()).then(|| AllNodes::solve(&online, asked)).transpose()?;
     let file = match &anew {
         Some(anew) => Some(anew.file.clone()),
         None if online.body.is_empty() => None,
@@ -65,6 +65,7 @@ pub fn solve(
             (None, Some(file)) => {
                 surface_results(scene, (file, solution), name, (&own, asked), &mut set.missed)?
             }
+            // No such body is left without a file.
             (None, None) => continue,
             (Some(law), _) => {
                 let place = |before: usize| own.iter().position(|own| std::ptr::eq(*own, &asked[before]));
@@ -210,10 +211,6 @@ fn surface_results(
     missed: &mut Vec<MissedPose>,
 ) -> Result<(Geometry, Vec<PoseResult>), Failure> {
     let (body, model) = (&scene.body[name], scene.bodies[name].model);
-    if let Some(asked) = own.iter().find(|asked| solution.is_some() && !asked.loads.forces.is_empty()) {
-        let message = "forces at points are summed from the .green file: leave --all-nodes out";
-        return Err(Failure::wrong(format!("{}: {message}", asked.place())));
-    }
     let stressed = match solution {
         None if lists_stress(scene, name) => Some(StressedBody::of_file(scene, file, name)?),
         None => None,
