@@ -16,12 +16,12 @@ pub fn each_in_teams<T: Send>(
     let teams = teams.min(count).min(rayon::current_num_threads()).max(1);
     let threads = rayon::current_num_threads() / teams;
     let pool = |_| rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok();
-    let pools: Vec<rayon::ThreadPool> = (0..teams).filter_map(pool).collect();
+    let pools: Vec<rayon::ThreadPool> = (0..teams).filter(|_| teams > 1).filter_map(pool).collect();
     let next = AtomicUsize::new(0);
     let claim = || Some(next.fetch_add(1, Relaxed)).filter(|next| *next < count);
     let (sender, results) = mpsc::channel();
     std::thread::scope(|scope| {
-        for pool in pools.iter().filter(|_| pools.len() > 1) {
+        for pool in &pools {
             let (job, claim, sender) = (&job, &claim, sender.clone());
             let work = move || {
                 let mut own = std::iter::from_fn(claim);
@@ -33,7 +33,7 @@ pub fn each_in_teams<T: Send>(
         drop(sender);
         results.iter().for_each(|(number, result)| take(number, result));
     });
-    // Without a second team, this thread does all.
+    // Without teams, this thread does all.
     std::iter::from_fn(claim).for_each(|number| take(number, job(number)));
 }
 

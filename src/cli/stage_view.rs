@@ -37,7 +37,7 @@ pub struct Args {
     /// nothing else
     #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// Where to look from, metres in the room: x,y,z; default: behind the viewer, above and to the right
+    /// Place of the camera, metres in the room: x,y,z; default: behind the viewer, above and to the right
     #[arg(long, value_parser = place, allow_hyphen_values = true)]
     pub from: Option<[f64; 3]>,
     /// Width and height of the picture or the window: 1280x960

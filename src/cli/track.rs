@@ -61,7 +61,7 @@ pub struct Args {
     pub redirects: Redirects,
 }
 
-/// Where the trackers of a stage are taken from instead.
+/// Other VRPN servers for trackers of a stage.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Redirects {
     /// Take a tracker's poses from another VRPN server than the stage file says: lab=127.0.0.1, or lab=Tracker1@host:3884;

@@ -48,7 +48,7 @@ pub struct Args {
     /// Quit after so many seconds
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
-    /// Where the pictures go when there is no display; overwrites PNG files of their names, and nothing else
+    /// Folder of the pictures when there is no display; overwrites PNG files of their names, and nothing else
     #[arg(long, default_value = "out/demo")]
     pub offscreen: PathBuf,
     #[command(flatten)]

@@ -4,7 +4,7 @@
 //! node of the mesh; forces, stress and warnings are those of the surface, as without it.
 
 use super::asked::PoseRequest;
-use super::result_set::{Geometry, PoseResult, StressResult};
+use super::result_set::{PoseResult, StressResult};
 use crate::base::diagnostic;
 use crate::base::failure::Failure;
 use crate::deform::ControlPose;
@@ -50,11 +50,6 @@ impl AllNodes {
     pub(super) fn solution(&self, name: &str) -> Option<&Solution> {
         self.bodies.iter().find(|body| body.name == name).map(|body| &body.solution)
     }
-}
-
-/// The mesh of a solution.
-pub(super) fn geometry(name: &str, solution: &Solution) -> Geometry {
-    Geometry::volume(name, &solution.mesh)
 }
 
 /// A result over the surface as one over all nodes.

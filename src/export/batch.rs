@@ -79,16 +79,11 @@ pub fn solve(
             }
         };
         let told = found.into_iter().map(|result| with_facts(scene, asked, result));
-        match solution {
-            Some(solution) => {
-                set.geometry.push(all_nodes::geometry(name, solution));
-                set.results.extend(told.map(|result| all_nodes::spread(result, solution)));
-            }
-            None => {
-                set.geometry.push(shape);
-                set.results.extend(told);
-            }
-        }
+        set.geometry.push(solution.map_or(shape, |solution| Geometry::volume(name, &solution.mesh)));
+        set.results.extend(told.map(|result| match solution {
+            Some(solution) => all_nodes::spread(result, solution),
+            None => result,
+        }));
     }
     let order = |result: &PoseResult| {
         asked.iter().position(|asked| asked.pose == result.pose && asked.body == result.body)

@@ -228,11 +228,11 @@ fn all_nodes_tell_what_the_surface_tells() {
     let near = |one: f64, other: f64, within: f64| (one - other).abs() <= within * one.abs().max(other.abs());
     for (one, other) in summed.results.iter().zip(&anew.results) {
         let [a, b] = [one, other].map(|result| result.stress.as_ref().unwrap().reached);
-        assert!(near(a.von_mises.0, b.von_mises.0, 1e-5), "{}: {a:?} {b:?}", one.pose);
-        assert!(near(a.strain.0, b.strain.0, 1e-5) && near(a.passed, b.passed, 1e-5), "{a:?} {b:?}");
+        assert!(near(a.von_mises.0, b.von_mises.0, 2e-6), "{}: {a:?} {b:?}", one.pose);
+        assert!(near(a.strain.0, b.strain.0, 2e-6) && near(a.passed, b.passed, 2e-6), "{a:?} {b:?}");
         assert_eq!(one.told.beyond, other.told.beyond, "{}", one.pose);
         let [a, b] = [one, other].map(|result| result.told.first_yield.as_ref().map(|first| first.share));
-        assert!(a.zip(b).is_none_or(|(a, b)| near(a, b, 1e-3)) && a.is_some() == b.is_some(), "{a:?} {b:?}");
+        assert!(a.zip(b).is_none_or(|(a, b)| near(a, b, 1e-5)) && a.is_some() == b.is_some(), "{a:?} {b:?}");
     }
     let told = |set: &ResultSet| set.results.iter().filter(|result| result.told.beyond.is_some()).count();
     let yielding = |set: &ResultSet| set.results.iter().filter(|r| r.told.first_yield.is_some()).count();
