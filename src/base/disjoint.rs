@@ -6,7 +6,7 @@ pub struct DisjointSets {
 }
 
 impl DisjointSets {
-    /// Puts every number into a separate set.
+    /// Puts each of the numbers, at most 2³², into a set of its own.
     pub fn new(count: usize) -> DisjointSets {
         DisjointSets { parent: (0..count as u32).collect() }
     }

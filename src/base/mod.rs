@@ -7,6 +7,7 @@ pub mod columns;
 pub mod creases;
 pub mod diagnostic;
 pub mod disjoint;
+pub mod extent;
 pub mod failure;
 pub mod fault;
 pub mod fixed;

@@ -2,11 +2,12 @@
 
 use super::print::print;
 use crate::base::diagnostic::notice;
+use crate::base::extent::bounding_box;
 use crate::base::failure::Failure;
 use crate::base::table::count;
 use crate::base::text::quoted;
 use crate::mesh::length_unit::{LARGEST_M, LengthUnit, Scale, find_unit, implausible};
-use crate::mesh::{self, formats, quality, surface_files};
+use crate::mesh::{self, formats, surface_files};
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
@@ -67,7 +68,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         notice!("note: {notice}");
     }
     let mesh = &loaded.mesh;
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     if let Some(doubt) = implausible((high - low).amax(), LARGEST_M).filter(|_| asked.is_none()) {
         notice!("note: {doubt}; `convert --unit mm` writes metres");
     }

@@ -2,6 +2,7 @@
 
 use super::expected;
 use super::print::print;
+use crate::base::extent::bounding_box;
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes, count};
 use crate::base::text::quoted;
@@ -298,7 +299,7 @@ fn scene(path: &Path) -> Result<(String, Value), Failure> {
         if order.len() > 1 {
             text.push_str(&format!("  its effects act in this order: {}\n", order.join(", ")));
         }
-        let (low, high) = quality::bounding_box(&loaded.mesh.nodes);
+        let (low, high) = bounding_box(&loaded.mesh.nodes);
         let materials = std::iter::once(&body.material).chain(body.region.values());
         let doubts = materials.filter_map(Material::doubt).map(|(_, message)| message);
         for doubt in doubts.chain(implausible((high - low).amax(), body.material.largest_m())) {

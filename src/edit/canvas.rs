@@ -3,8 +3,9 @@
 //! In: a mesh. Out: its surface with vertex normals, distances along it, and what a ray touches of it.
 
 use super::roads::Roads;
+use crate::base::extent::bounding_box;
 use crate::interact::{PickRay, PickShape, PickTarget, pick};
-use crate::mesh::{Surface, TetMesh, quality};
+use crate::mesh::{Surface, TetMesh};
 use nalgebra::{Point3, Similarity3, Vector3};
 
 /// The surface of a body at rest.
@@ -35,7 +36,7 @@ impl Canvas {
     pub fn new(mesh: TetMesh) -> Canvas {
         let Surface { nodes, triangles } = Surface::from_mesh(&mesh);
         let places: Vec<_> = nodes.iter().map(|&node| mesh.nodes[node as usize]).collect();
-        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let (low, high) = bounding_box(&mesh.nodes);
         Canvas {
             roads: Roads::new(&places, &triangles),
             positions: places.iter().map(|place| <[f64; 3]>::from(*place).map(|x| x as f32)).collect(),

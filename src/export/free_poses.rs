@@ -3,6 +3,7 @@
 use super::asked::{PoseRequest, lead};
 use super::result_set::{MissedPose, StressResult};
 use super::told::FirstYield;
+use crate::base::extent::extent;
 use crate::base::failure::Failure;
 use crate::deform::{
     ControlPose, ControlPoses, Deformer, ExpectedErrors, Freedom, ModelEntry, Screw, Search, Statics, Way,
@@ -36,10 +37,8 @@ pub(super) fn way(
 }
 
 /// The largest extent of places, m.
-pub(super) fn size<'a>(places: impl Iterator<Item = Vector3<f64>> + 'a) -> f64 {
-    let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    let (low, high) = places.fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
-    let size = (high - low).max();
+pub(super) fn size(places: impl IntoIterator<Item = Vector3<f64>>) -> f64 {
+    let size = extent(places).map_or(1.0, |(low, high)| (high - low).max());
     if size.is_finite() && size > 0.0 { size } else { 1.0 }
 }
 

@@ -5,6 +5,7 @@ use super::exporter::{Exporter, Spread};
 use super::result_set::{Needs, ResultSet};
 use super::shape::{COLOUR, Shape};
 use crate::base::output::Kind;
+use egui::ecolor::linear_f32_from_gamma_u8;
 use serde_json::{Value, json};
 
 pub(super) const MAGIC: &[u8] = b"glTF";
@@ -90,7 +91,7 @@ impl Document {
 
 /// A document's head, with the material of bodies.
 pub(super) fn root(generator: &str) -> Value {
-    let [r, g, b] = COLOUR.map(linear);
+    let [r, g, b] = COLOUR.map(linear_f32_from_gamma_u8);
     json!({
         "asset": { "version": "2.0", "generator": generator },
         "scene": 0,
@@ -127,12 +128,6 @@ pub fn write(shapes: &[Shape]) -> Vec<u8> {
     root["scenes"] = json!([{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }]);
     (root["nodes"], root["meshes"]) = (nodes.into(), meshes.into());
     document.finish(root)
-}
-
-/// sRGB to the linear intensity that glTF has.
-fn linear(value: u8) -> f64 {
-    let share = f64::from(value) / 255.0;
-    if share <= 0.04045 { share / 12.92 } else { ((share + 0.055) / 1.055).powf(2.4) }
 }
 
 /// The document in its two chunks, each a multiple of four bytes long. What wrote it stands at the very front, where an earlier

@@ -1,5 +1,6 @@
 //! Triangles drawn in software, with hidden parts hidden where that is asked for, and what egui paints: no graphics device.
 
+use egui::ecolor::{gamma_u8_from_linear_f32, linear_f32_from_gamma_u8};
 use egui::epaint::{ClippedPrimitive, ImageData, Primitive, textures::TexturesDelta};
 use egui::{Painter, Pos2, Rect, Rgba, TextureId, vec2};
 use image::RgbaImage;
@@ -21,7 +22,7 @@ impl Raster {
     /// A raster of this many `pixels`, in an sRGB colour.
     pub fn new(pixels: [usize; 2], background: [u8; 3]) -> Raster {
         let size = pixels.map(|pixels| pixels * SAMPLES);
-        let [r, g, b] = background.map(linear);
+        let [r, g, b] = background.map(linear_f32_from_gamma_u8);
         let count = size[0] * size[1];
         Raster { size, colours: vec![[r, g, b]; count], depth: vec![f64::NEG_INFINITY; count] }
     }
@@ -122,7 +123,7 @@ impl Raster {
                 let colour = self.colours[row * self.size[0] + column];
                 sum.iter_mut().zip(colour).for_each(|(sum, value)| *sum += value);
             }
-            let [r, g, b] = sum.map(|sum| srgb(sum / (SAMPLES * SAMPLES) as f32));
+            let [r, g, b] = sum.map(|sum| gamma_u8_from_linear_f32(sum / (SAMPLES * SAMPLES) as f32));
             image::Rgba([r, g, b, 255])
         })
     }
@@ -136,22 +137,6 @@ fn corners<'a, T>(three: &[u32], all: &'a [T]) -> Option<[&'a T; 3]> {
 fn covered(image: &egui::ColorImage, uv: [f32; 2]) -> f32 {
     let at = |k: usize| ((uv[k] * image.size[k] as f32) as usize).min(image.size[k].saturating_sub(1));
     image.pixels.get(at(1) * image.size[0] + at(0)).map_or(1.0, |pixel| f32::from(pixel.a()) / 255.0)
-}
-
-/// Light of an sRGB value of eight bits.
-pub fn linear(value: u8) -> f32 {
-    light(f32::from(value) / 255.0)
-}
-
-/// Light of an sRGB value from 0 to 1.
-pub fn light(x: f32) -> f32 {
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
-}
-
-fn srgb(light: f32) -> u8 {
-    let x = light.clamp(0.0, 1.0);
-    let x = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * x).round() as u8
 }
 
 #[cfg(test)]

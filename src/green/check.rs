@@ -6,11 +6,12 @@ use super::error::GreenError;
 use super::floating::{Floating, floating};
 use super::pieces;
 use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::base::extent::bounding_box;
 use crate::fem::{Element, Lame};
+use crate::mesh::TetMesh;
 use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::length_unit::implausible;
 use crate::mesh::walls::{FEW, ThinWalls, thin_walls, walls_too_thin};
-use crate::mesh::{TetMesh, quality};
 use crate::scene::{Body, Material, Method, Scene};
 use indexmap::IndexMap;
 use std::collections::BTreeSet;
@@ -29,7 +30,7 @@ pub fn mesh(entity: &str, mesh: &TetMesh, material: &Material) -> Vec<Diagnostic
 
 /// Note on bodies of an unlikely size: pictures are fitted to the stage and hide a wrong unit.
 fn unit(entity: &str, mesh: &TetMesh, material: &Material) -> Option<Diagnostic> {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let side = (high - low).max();
     implausible(side, material.largest_m()).map(|message| Diagnostic::new(Severity::Note, entity, message))
 }

@@ -25,9 +25,9 @@ use super::update::{Change, ChangedSystem, Updated, Updates};
 use super::write::contents;
 use crate::base::columns::StoredColumns;
 use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::base::extent::bounding_box;
 use crate::base::progress::{Progress, Teller};
 use crate::base::random::Random;
-use crate::mesh::quality;
 use crate::scene::{Body, Scene};
 use crate::solve::find_method;
 use nalgebra::{DMatrix, Vector3};
@@ -182,7 +182,7 @@ fn changed_fingerprint(before: &BodyMeta) -> String {
 /// Half the extent of a body, m.
 fn reach(rest: &[[f32; 3]]) -> f64 {
     let nodes: Vec<Vector3<f64>> = rest.iter().map(|&place| Vector3::from(place.map(f64::from))).collect();
-    let (low, high) = quality::bounding_box(&nodes);
+    let (low, high) = bounding_box(&nodes);
     0.5 * (high - low).norm()
 }
 

@@ -5,6 +5,7 @@
 use super::control::{ControlElement, rank};
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::disjoint::DisjointSets;
+use crate::base::extent::bounding_box;
 use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::near::{NearPair, nearest_pair};
 use crate::mesh::quality::Components;
@@ -192,7 +193,7 @@ fn gap(mesh: &TetMesh, inside: &[bool]) -> Option<Gap> {
         (0..mesh.nodes.len() as u32).partition(|&node| inside[node as usize]);
     let NearPair { nodes, distance } = nearest_pair(&mesh.nodes, &own, &rest)?;
     let [a, b] = nodes.map(|node| mesh.tags[node as usize]);
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let tolerance = match distance {
         0.0 => "that lie at the same place (gmsh: Coherence Mesh)".to_owned(),
         _ => format!(

@@ -4,8 +4,9 @@ use super::check;
 use super::control::ControlElement;
 use super::error::GreenError;
 use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::base::extent::bounding_box;
 use crate::fem::Lame;
-use crate::mesh::{LoadedMesh, TetMesh, quality};
+use crate::mesh::{LoadedMesh, TetMesh};
 use crate::scene::{Body, Material, Nodes, Scene, SceneError};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -51,7 +52,7 @@ fn control_elements(
     body: &Body,
     mesh: &TetMesh,
 ) -> Result<Vec<ControlElement>, GreenError> {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let size = (high - low).norm();
     body.control
         .iter()

@@ -8,8 +8,9 @@ use super::control::{ControlElement, FIELDS};
 use super::file::{ControlMeta, GreenFile};
 use super::pieces::{Pieces, shares_a_part};
 use crate::base::disjoint::DisjointSets;
+use crate::base::extent::bounding_box;
 use crate::fem::NodeFields;
-use crate::mesh::{TetMesh, quality};
+use crate::mesh::TetMesh;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::ops::Range;
 
@@ -96,7 +97,7 @@ const ROUNDING: f64 = 1e-6;
 
 impl Columns<'_> {
     fn check(&self, stiffness: Option<&DMatrix<f64>>) -> RigidMotion {
-        let (low, high) = quality::bounding_box(self.nodes);
+        let (low, high) = bounding_box(self.nodes);
         let (centre, reach) = ((low + high) * 0.5, 0.5 * (high - low).norm());
         let [shift, turn] = [0..3, 3..6]
             .map(|motions| motions.map(|l| self.displacement(l, centre, reach)).fold(0.0, larger));

@@ -10,8 +10,8 @@ use super::families::FAMILIES;
 use super::file::{Accuracy, BodyMeta, ControlMeta, FORMAT, GreenFile, KEY, Meta, Sealed};
 use super::kind::GREEN;
 use super::solution::Precomputed;
+use crate::base::extent::bounding_box;
 use crate::base::output;
-use crate::mesh::quality;
 use nalgebra::Vector3;
 use safetensors::tensor::{Dtype, TensorView};
 use std::collections::BTreeMap;
@@ -211,7 +211,7 @@ fn body_meta(body: &Precomputed) -> BodyMeta {
 
 /// Middle of the body's bounding box.
 fn rest_centre(body: &Precomputed) -> Vector3<f64> {
-    let (low, high) = quality::bounding_box(&body.solution.mesh.nodes);
+    let (low, high) = bounding_box(&body.solution.mesh.nodes);
     low + (high - low) * 0.5
 }
 

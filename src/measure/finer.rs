@@ -12,11 +12,11 @@ use super::norms::Norms;
 use super::poses::{about_origins, largest_turn};
 use super::request::{MeasureError, Request};
 use super::variants::{Meshes, variant};
+use crate::base::extent::bounding_box;
 use crate::deform::{
     ControlPose, ControlPoses, EquilibriumResult, Statics, StaticsError, Truth, Wrench, se3,
 };
 use crate::fem::{TET4, nearest_turn};
-use crate::mesh::quality;
 use crate::solve::{Progress, Silent, Solver};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -71,7 +71,7 @@ impl Size {
     pub fn new(norms: &Norms<'_>, field: &[Vector3<f64>], held: &[Wrench], energy: f64) -> Size {
         let most = |of: fn(&Wrench) -> Vector3<f64>| held.iter().map(|w| of(w).norm()).fold(0.0, f64::max);
         let displacement = norms.l2(field);
-        let (low, high) = quality::bounding_box(&norms.mesh.nodes);
+        let (low, high) = bounding_box(&norms.mesh.nodes);
         let extent = (high - low).amax();
         let stiffest = norms.stiffness.diagonal.iter().map(Matrix3::amax).fold(0.0, f64::max);
         let force =

@@ -201,7 +201,7 @@ pub fn measure(
         Ok(times::of_effects(request.scene, request.body, of, model, poses, request.scratch)?)
     })?;
     let base = &meshes.linear[0];
-    let (low, high) = crate::mesh::quality::bounding_box(&base.nodes);
+    let (low, high) = crate::base::extent::bounding_box(&base.nodes);
     let machine = [Some(machine::description()), course.taken_over()];
     Ok(Report {
         schema: SCHEMA,

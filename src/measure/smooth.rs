@@ -14,6 +14,7 @@ use super::course::{Course, Step};
 use super::data::SmoothError;
 use super::exact::{Exact, Level, rate};
 use super::request::MeasureError;
+use crate::base::extent::bounding_box;
 use crate::fem::{ELEMENTS, Element, Lame, NodeFields};
 use crate::mesh::{Surface, TetMesh, quality};
 use nalgebra::{Matrix3, Vector3};
@@ -110,7 +111,7 @@ pub fn measure(
 }
 
 fn solve(element: &Element, refine: u32, mesh: TetMesh) -> Result<SmoothError, ProblemError> {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let size = (high - low).amax();
     let lame = Lame::from_young_poisson(1.0, POISSON);
     let exact = Placed { kelvin: Kelvin::new(POISSON), origin: low, size };

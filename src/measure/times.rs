@@ -3,11 +3,11 @@
 use super::data::EffectCost;
 use super::poses::on_the_way;
 use crate::base::columns::ColumnGroup;
+use crate::base::extent::bounding_box;
 use crate::base::statistics::{median, quantile};
 use crate::deform::{ControlPose, ControlPoses, Deformer, ModelEntry};
 use crate::effect::{self, EFFECTS, EffectEntry, Resolved};
 use crate::green::{self, GreenError, GreenFile, Keeping, Requirements};
-use crate::mesh::quality::bounding_box;
 use crate::solve::Silent;
 use nalgebra::{Rotation3, Vector3};
 use std::path::Path;

@@ -9,10 +9,11 @@ use super::data::Setting;
 use super::norms::MeshLadder;
 use super::request::{MeasureError, Request};
 use super::resume;
+use crate::base::extent::bounding_box;
 use crate::deform::{MODELS, ModelEntry};
 use crate::fem::{Dilatation, ELEMENTS, Element, TET4, TET10};
 use crate::green::{self, AFFINE, CUBIC, Family, PERTURBATION, Requirements, STIFFNESS, Solution};
-use crate::mesh::{TetMesh, quadratic, quality};
+use crate::mesh::{TetMesh, quadratic};
 use crate::scene::{Generate, Scene, Storage};
 use crate::solve::{AUTO, Progress, SOLVERS, Solver};
 use nalgebra::Vector3;
@@ -163,7 +164,7 @@ impl Meshes {
 
     /// The largest extent of the body, m.
     pub fn extent(&self) -> f64 {
-        let (low, high) = quality::bounding_box(&self.linear[0].nodes);
+        let (low, high) = bounding_box(&self.linear[0].nodes);
         (high - low).amax()
     }
 

@@ -8,13 +8,13 @@ use super::fields::difference;
 use super::fields::placed;
 use super::norms::relative;
 use super::poses::{about_origins, on_the_way};
+use crate::base::extent::bounding_box;
 use crate::base::failure::Failure;
 use crate::deform::{
     ControlPoses, Deformer, Deviation, PoseResult, Statics, StaticsError, Truth, Wrench, in_session,
 };
 use crate::fem::TET4;
 use crate::green::{self, Precomputed};
-use crate::mesh::quality::bounding_box;
 use crate::prepare::Resolved;
 use crate::scene::Scene;
 use crate::solve::{Silent, Solver};

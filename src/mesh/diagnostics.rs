@@ -4,10 +4,11 @@
 //! some nodes, and what to do. All measures are relative: a body gives the same sentences in metres and in nanometres.
 
 use super::quadratic;
-use super::quality::{Components, bounding_box, components, overlapping_faces, quality};
+use super::quality::{Components, components, overlapping_faces, quality};
 use super::surface::sorted_faces;
 use super::tet_mesh::{FACES, TetMesh};
 use crate::base::diagnostic::{Diagnostic, Severity};
+use crate::base::extent::bounding_box;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -7,6 +7,8 @@
 use super::shells;
 use super::surface::{Surface, sorted_faces};
 use super::tet_mesh::TetMesh;
+use crate::base::disjoint::DisjointSets;
+use crate::base::extent::bounding_box;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -31,12 +33,6 @@ pub fn quality(corners: &[Vector3<f64>; 4]) -> f64 {
     std::f64::consts::SQRT_2 * ab.dot(&ac.cross(&ad)) / mean_square.powf(1.5)
 }
 
-/// Least and greatest coordinates of `nodes`; zero where there are none.
-pub fn bounding_box(nodes: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
-    let first = nodes.first().copied().unwrap_or_default();
-    nodes.iter().fold((first, first), |(min, max), node| (min.inf(node), max.sup(node)))
-}
-
 /// Mean position of some nodes of `mesh`, such as a group's; `None` without nodes.
 pub fn centroid(mesh: &TetMesh, nodes: &[u32]) -> Option<Vector3<f64>> {
     let &first = nodes.first()?;
@@ -59,29 +55,20 @@ pub fn components(mesh: &TetMesh) -> Components {
     if !mesh.triangles.is_empty() {
         return Components { of_tet: Vec::new(), nodes: shells::pieces(mesh) };
     }
-    let mut parent: Vec<usize> = (0..mesh.tets.len()).collect();
-    fn root(parent: &mut [usize], mut tet: usize) -> usize {
-        while parent[tet] != tet {
-            parent[tet] = parent[parent[tet]];
-            tet = parent[tet];
-        }
-        tet
-    }
+    let mut pieces = DisjointSets::new(mesh.tets.len());
     for same in sorted_faces(mesh).chunk_by(|a, b| a.0 == b.0) {
         for pair in same.windows(2) {
-            let (a, b) = (root(&mut parent, pair[0].1 / 4), root(&mut parent, pair[1].1 / 4));
-            parent[a.max(b)] = a.min(b);
+            pieces.join(pair[0].1 as u32 / 4, pair[1].1 as u32 / 4);
         }
     }
-    // The smaller root always wins, so a piece's root is its first tetrahedron.
     let mut components = Components { of_tet: Vec::with_capacity(mesh.tets.len()), nodes: Vec::new() };
     for tet in 0..mesh.tets.len() {
-        let root = root(&mut parent, tet);
-        if root == tet {
+        let first = pieces.root(tet as u32) as usize;
+        if first == tet {
             components.of_tet.push(components.nodes.len() as u32);
             components.nodes.push(Vec::new());
         } else {
-            components.of_tet.push(components.of_tet[root]);
+            components.of_tet.push(components.of_tet[first]);
         }
         let nodes = &mut components.nodes[components.of_tet[tet] as usize];
         nodes.extend(mesh.tets[tet]);

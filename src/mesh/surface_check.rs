@@ -4,10 +4,10 @@
 //! holes, edges of three triangles and more, places where it passes through itself, volume. Winding numbers by solid
 //! angles: Van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30, 1983).
 
-use super::quality::bounding_box;
 use super::shells::solid_angle;
 use super::surface_files::TriangleSurface;
 use super::surface_intersect::{Intersections, intersections};
+use crate::base::extent::bounding_box;
 use crate::base::table::count;
 use nalgebra::Vector3;
 use serde::Serialize;

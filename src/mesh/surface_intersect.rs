@@ -30,7 +30,7 @@ const MOST_PLACES: usize = 20;
 
 pub fn intersections(surface: &TriangleSurface) -> Intersections {
     // parry is f32: everything is brought to a box of size 1 about the origin, boxes grown by the rounding.
-    let (low, high) = super::quality::bounding_box(&surface.vertices);
+    let (low, high) = crate::base::extent::bounding_box(&surface.vertices);
     let (centre, size) = ((low + high) / 2.0, (high - low).amax());
     if size <= 0.0 {
         return Intersections { is_complete: true, ..Intersections::default() };
@@ -38,7 +38,7 @@ pub fn intersections(surface: &TriangleSurface) -> Intersections {
     let boxes: Vec<Aabb> = (0..surface.triangles.len())
         .map(|t| {
             let corners = surface.corners(t).map(|x| (x - centre) / size);
-            let (low, high) = super::quality::bounding_box(&corners);
+            let (low, high) = crate::base::extent::bounding_box(&corners);
             let part = |v: Vector3<f64>| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
             let slack = Vec3::splat(1e-6);
             Aabb::new(part(low) - slack, part(high) + slack)

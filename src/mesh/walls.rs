@@ -3,10 +3,10 @@
 //! In: a [`TetMesh`] without tetrahedra, or a closed [`TriangleSurface`]. Out: the walls that are thinner than the edges of the
 //! triangles on them; the thickness of the thinnest walls.
 
-use super::quality::bounding_box;
 use super::surface_body;
 use super::surface_files::TriangleSurface;
 use super::tet_mesh::TetMesh;
+use crate::base::extent::bounding_box;
 use glamx::Vec3;
 use nalgebra::Vector3;
 use parry3d::query::{Ray, RayCast};

@@ -1,5 +1,7 @@
 //! The colours of a field, and their code in a vertex: the CPU's twin of `shaders/common/field.wgsl`.
 
+use egui::ecolor::gamma_u8_from_linear_f32;
+
 /// Linear RGB where a limit is passed; the map has no colour like it.
 const BEYOND: [f32; 3] = [0.745, 0.0, 0.262];
 
@@ -30,21 +32,14 @@ fn linear(t: f32) -> [f32; 3] {
     ]
 }
 
-fn srgb(linear: [f32; 3]) -> [u8; 3] {
-    linear.map(|c| {
-        let curve = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-        (255.0 * curve).round() as u8
-    })
-}
-
 /// sRGB of a part of the range, for a legend; values outside have the colour of the nearer end.
 pub fn map_color(t: f32) -> [u8; 3] {
-    srgb(linear(if t.is_finite() { t.clamp(0.0, 1.0) } else { 1.0 }))
+    linear(if t.is_finite() { t.clamp(0.0, 1.0) } else { 1.0 }).map(gamma_u8_from_linear_f32)
 }
 
 /// sRGB of values beyond their limit.
 pub fn beyond_color() -> [u8; 3] {
-    srgb(BEYOND)
+    BEYOND.map(gamma_u8_from_linear_f32)
 }
 
 /// A vertex' colour in a body that shows a field: its value as a part of the range, and as a part of its limit. Values beyond the

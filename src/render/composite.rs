@@ -7,6 +7,7 @@
 use super::error::RenderError;
 use super::gpu::Gpu;
 use super::shader;
+use egui::ecolor::{gamma_u8_from_linear_f32, linear_f32_from_gamma_u8};
 use image::{Rgba, RgbaImage};
 
 /// The places of the first and the second eye's picture in a tile.
@@ -108,7 +109,7 @@ impl Composite {
                 .then(|| picture.get_pixel_checked(pixel[0] as u32, pixel[1] as u32))
                 .flatten();
             found.map_or([0.0; 3], |Rgba([r, g, b, _])| {
-                let linear = [*r, *g, *b].map(linear_from_srgb);
+                let linear = [*r, *g, *b].map(linear_f32_from_gamma_u8);
                 matrix.map(|row| (0..3).map(|k| row[k] * linear[k]).sum::<f32>().clamp(0.0, 1.0))
             })
         };
@@ -125,21 +126,10 @@ impl Composite {
                 let more = within(second, pixel, &self.from_second);
                 colour = [0, 1, 2].map(|k| colour[k] + more[k]);
             }
-            let [r, g, b] = colour.map(|c| srgb_from_linear(c.clamp(0.0, 1.0)));
+            let [r, g, b] = colour.map(gamma_u8_from_linear_f32);
             Rgba([r, g, b, 255])
         })
     }
-}
-
-/// IEC 61966-2-1.
-fn linear_from_srgb(c: u8) -> f32 {
-    let c = f32::from(c) / 255.0;
-    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
-}
-
-fn srgb_from_linear(c: f32) -> u8 {
-    let c = if c <= 0.0031308 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-    (c * 255.0).round() as u8
 }
 
 /// `Composite` of `shaders/composite.wgsl`, byte for byte.
@@ -275,11 +265,6 @@ mod tests {
         assert_eq!(of([1920, 2205]), ([1920, 1080], [0, 1125]));
         assert_eq!(of([1280, 1470]), ([1280, 720], [0, 750]));
         assert_eq!(of([3, 1]), ([3, 0], [0, 1]));
-    }
-
-    #[test]
-    fn srgb_and_linear_light_are_inverses_on_bytes() {
-        assert!((0..=255).all(|c| srgb_from_linear(linear_from_srgb(c)) == c));
     }
 
     fn plain(colour: [u8; 3]) -> RgbaImage {

@@ -2,7 +2,8 @@
 //!
 //! In: triangles, places and values. Out: a PNG file, or its bytes as a data address for a page. It needs no graphics device.
 
-use crate::export::raster::{self, Raster, SAMPLES};
+use crate::export::raster::{Raster, SAMPLES};
+use egui::ecolor::linear_from_gamma;
 use image::{DynamicImage, ImageFormat};
 use nalgebra::{Matrix3, Vector3};
 use std::io::Cursor;
@@ -152,7 +153,7 @@ impl Relief {
             let normal = (q - p).cross(&(r - p));
             let light = 0.55 + 0.45 * (normal.dot(&towards) / normal.norm().max(1e-300)).abs();
             let paint = |weights| {
-                let [r, g, b] = colour(triangle, weights).map(|c| raster::light((c * light) as f32));
+                let [r, g, b] = colour(triangle, weights).map(|c| linear_from_gamma((c * light) as f32));
                 [r, g, b, 1.0]
             };
             self.raster.triangle(triangle.map(|node| samples[node as usize]), true, &paint);

@@ -6,6 +6,7 @@
 //! National Conference, 1968, 517-524); at one of them its own vector does. Who has elements about the places asks for their
 //! own vectors, and interpolates better.
 
+use crate::base::extent::bounding_box;
 use crate::base::input;
 use crate::mesh::TetMesh;
 use crate::mesh::formats::{PlacedVectors, point_vectors};
@@ -64,8 +65,7 @@ impl DirectionFile {
         if !points.iter().any(|(_, vector)| vector.norm() > 0.0) {
             return Err(format!("{}: no vector that is not zero", path.display()));
         }
-        let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
-        let (low, high) = mesh.nodes.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+        let (low, high) = bounding_box(&mesh.nodes);
         let points = points.into_iter().map(|(x, vector)| GeomWithData::new(x.into(), vector)).collect();
         let points = RTree::bulk_load(points);
         Ok(DirectionField { path: path.to_owned(), points, reach: REACH * (high - low).norm() })

@@ -1,5 +1,6 @@
 //! A control element of a body, as a scene names it, and the selection of the mesh's nodes that it holds.
 
+use crate::base::extent::bounding_box;
 use crate::base::input;
 use crate::config::unknown_name;
 use crate::mesh::diagnostics::{digits, place};
@@ -123,10 +124,7 @@ impl Nodes {
             Nodes::File(path) => group(mesh, &file_group(path))?,
         };
         if nodes.is_empty() {
-            let (low, high) = mesh.nodes.iter().fold(
-                (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)),
-                |(low, high), x| (low.inf(x), high.sup(x)),
-            );
+            let (low, high) = bounding_box(&mesh.nodes);
             return Err(format!(
                 "selects no node; the mesh spans ({}, {}, {}) to ({}, {}, {}) m",
                 low.x, low.y, low.z, high.x, high.y, high.z

@@ -1,12 +1,12 @@
 //! The poses in which a body is measured where the user names none: moments of the scene's script, or random ones.
 
+use crate::base::extent::bounding_box;
 use crate::base::failure::Failure;
 use crate::deform::{ControlPose, ControlPoses};
 use crate::fem::TET4;
 use crate::green;
 use crate::measure::poses::{hardest_first, random};
 use crate::mesh::TetMesh;
-use crate::mesh::quality::bounding_box;
 use crate::prepare::{self, Resolved};
 use crate::scene::Scene;
 use crate::session::{Playback, Session, open};

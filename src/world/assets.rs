@@ -115,8 +115,7 @@ pub fn of_bodies(
 
 /// Lowest and highest corner of the body at rest.
 fn extent(deformer: &Deformer) -> Option<(Vector3<f64>, Vector3<f64>)> {
-    let corners = deformer.rest().iter().map(|x| Vector3::from(*x).cast::<f64>());
-    corners.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+    crate::base::extent::extent(deformer.rest().iter().map(|x| Vector3::from(*x).cast()))
 }
 
 /// A ball about the body at rest.

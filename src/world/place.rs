@@ -3,8 +3,8 @@
 //! In: bodies with the points of their meshes. Out: room_from_mesh of each; in words, the part of a body that is not in
 //! sight, with a place that is; and the depths to which bodies reach into each other where they stand at rest.
 
+use crate::base::extent::bounding_box;
 use crate::mesh::isosurface_stuffing::lattice::Depth;
-use crate::mesh::quality::bounding_box;
 use crate::mesh::surface_files::TriangleSurface;
 use crate::scene::{Body, Place};
 use crate::stage::{GivenPlace, HiddenPart, Stage, place_line};

@@ -4,6 +4,7 @@
 //! point of a triangle that is nearest to the core; its surface for drawing. Because every shape is round, ∇φ is defined where it
 //! touches.
 
+use crate::base::extent::bounding_box;
 use crate::base::failure::Failure;
 use crate::render::GhostShape;
 use crate::scene::{Scene, ToolShape};
@@ -78,9 +79,7 @@ impl Shape {
             }
             ToolShape::Mesh { file, unit, radius } => {
                 let surface = scene.tool_surface(name, file, *unit).map_err(Failure::request)?;
-                let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
-                let (low, high) =
-                    surface.vertices.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+                let (low, high) = bounding_box(&surface.vertices);
                 let points = surface.vertices.iter().map(|x| Vec3::new(x.x as f32, x.y as f32, x.z as f32));
                 let solid =
                     TriMesh::with_flags(points.collect(), surface.triangles.clone(), TriMeshFlags::ORIENTED);

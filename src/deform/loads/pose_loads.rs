@@ -5,6 +5,7 @@
 
 use super::applied::StaticForces;
 use super::{AppliedLoads, PointLoad, Pull};
+use crate::base::extent::bounding_box;
 use crate::config::unknown_name;
 use crate::deform::deformer::Deformer;
 use crate::deform::kernel::surface::nearest_point;
@@ -220,8 +221,7 @@ impl Taking<'_> {
     fn point(&self, asked: &PointForce) -> Result<PointLoad, String> {
         let (nodes, weights) = match (asked.at, asked.node) {
             (Some(at), _) => {
-                let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
-                let (low, high) = self.rest.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+                let (low, high) = bounding_box(self.rest);
                 let reach = FARTHEST * 0.5 * (high - low).norm();
                 let rest = |node: u32| self.rest[node as usize];
                 let nearest = nearest_point(self.triangles, &rest, &V3::from(at))

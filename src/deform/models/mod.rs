@@ -16,9 +16,9 @@ use super::model::{ControlRest, DeformationModel, Kind, ModelEntry, ModelInput};
 use super::statics;
 use super::statics::equilibria;
 use crate::base::by_name::by_name;
+use crate::base::extent::bounding_box;
 use crate::fem::{LAWS, Law, STVK};
 use crate::green::{AFFINE, Solution};
-use crate::mesh::quality;
 use nalgebra::{DMatrix, Vector3};
 
 /// The models of the precomputed columns. A new one is a file with an entry, a `mod` line, and a line here.
@@ -100,7 +100,7 @@ fn model_over(
     over: &[u32],
     triangles: &[[u32; 3]],
 ) -> Result<(Box<dyn DeformationModel>, Vector3<f64>), String> {
-    let (low, high) = quality::bounding_box(&solution.mesh.nodes);
+    let (low, high) = bounding_box(&solution.mesh.nodes);
     let centre = low + (high - low) * 0.5;
     let rest = |control: &crate::green::ControlElement| ControlRest {
         name: control.name.clone(),

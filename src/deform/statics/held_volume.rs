@@ -7,6 +7,7 @@
 use super::background::{Asked, Background, Found, Next, Shared, lock, lose, next};
 use super::step_count;
 use super::way::warmed;
+use crate::base::extent::bounding_box;
 use crate::deform::loads::applied::StaticForces;
 use crate::deform::loads::lumped::NodalLoads;
 use crate::deform::memory::{HeldNodes, Warm};
@@ -15,7 +16,6 @@ use crate::deform::pose::frame::{ControlPose, ControlPoses, PoseSlope, unwrapped
 use crate::deform::pose::screw::Way;
 use crate::fem::{Hyperelastic, Law, NodeFields, Partition, StiffnessMatrix};
 use crate::green::{FIELDS, Volume};
-use crate::mesh::quality;
 use crate::solve::{
     Factor, LinearSolver, OldFactor, Settled, Settler, Silent, SolveError, Solver, Unsettled,
 };
@@ -83,7 +83,7 @@ impl HeldVolume {
             let sum: Vector3<f64> = held.iter().map(|&node| mesh.nodes[node as usize]).sum();
             sum / held.len().max(1) as f64
         };
-        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let (low, high) = bounding_box(&mesh.nodes);
         let origins: Vec<Vector3<f64>> = volume.held.iter().map(mean).collect();
         let control = |(held, origin): (&Vec<u32>, &Vector3<f64>)| ControlRest {
             name: String::new(),

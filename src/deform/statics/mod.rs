@@ -22,10 +22,11 @@ use super::pose::follow::FollowedTurn;
 use super::pose::frame::{ControlPose, ControlPoses, Wrench};
 use super::pose::screw::{Screw, Way, part_of};
 use super::pose::se3::long_turn;
+use crate::base::extent::bounding_box;
 use crate::base::machine;
 use crate::fem::{Element, Hyperelastic, Lame, Law, NodeFields, Partition, nearest_turn};
 use crate::green::{self, ControlElement, GreenError, Prepared, VOLUME};
-use crate::mesh::{TetMesh, quality};
+use crate::mesh::TetMesh;
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{
     Counts, Equilibrium, Followed, LinearSolver, Loads, Newton, NewtonError, Point, Progress, Pushed, Silent,
@@ -126,7 +127,7 @@ impl Statics {
             .map_err(|source| GreenError::Assembly { body: place, source })?;
         let partition =
             Partition::new(mesh.nodes.len(), controls.iter().flat_map(|c| c.nodes.iter().copied()));
-        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let (low, high) = bounding_box(&mesh.nodes);
         let loads = NodalLoads::new(scene, name, &mesh)?;
         let mut statics = Statics {
             element: scene.body[name].element,

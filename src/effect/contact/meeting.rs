@@ -6,6 +6,7 @@
 
 use super::candidates::Places;
 use super::touched_body::{SurfaceSpot, TouchedBody};
+use crate::base::extent::extent;
 use crate::world::tool_shape::nearest_weights;
 use glamx::Vec3;
 use nalgebra::Vector3;
@@ -94,8 +95,7 @@ pub fn face_each_other(one: &V3, other: &V3) -> bool {
 
 /// The box about these places, `reach` wider on all sides.
 fn around(places: impl Iterator<Item = V3>, reach: f64) -> Aabb {
-    let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
-    let (low, high) = places.fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
+    let (low, high) = extent(places).unwrap_or_default();
     let part = |v: V3| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
     let slack = Vec3::splat(reach as f32);
     Aabb::new(part(low) - slack, part(high) + slack)

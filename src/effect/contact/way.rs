@@ -7,6 +7,7 @@ use super::candidates::Nodes;
 use super::detection::distance;
 use super::meeting::{Meeting, meetings};
 use super::touched_body::TouchedBody;
+use crate::base::extent::extent;
 use crate::deform::ControlPose;
 use crate::world::tool::{Tool, pose_between};
 use nalgebra::{Isometry3, Similarity3, Vector3};
@@ -182,9 +183,7 @@ impl Way {
 
     /// Longest way of the nodes of a body that come within `reach` of the box about another one; `None` where none does.
     fn travel_near(&self, b: usize, other: usize, reach: f64) -> Option<f64> {
-        let start = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
-        let all = self.shown[other].iter().chain(&self.after[other]);
-        let (low, high) = all.fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+        let (low, high) = extent(self.shown[other].iter().chain(&self.after[other]).copied())?;
         let (low, high) = (low - V3::repeat(reach), high + V3::repeat(reach));
         let comes_near = |node: &usize| {
             let (from, to) = (self.shown[b][*node], self.after[b][*node]);

@@ -29,10 +29,10 @@ use super::matter::Matter;
 use super::point_fields::PointFields;
 use super::system::System;
 use super::yielding::{Corner, Corners, Yielding};
+use crate::base::extent::bounding_box;
 use crate::base::machine;
 use crate::fem::{Element, NodeFields};
 use crate::green::{ControlElement, FIELDS, NewSurface, NewWeight, SolvedCompliance, Volume};
-use crate::mesh::quality;
 use crate::mesh::split::{CutEdges, CutPoint, CutSurface, Split, Splitter};
 use nalgebra::{DMatrix, Vector3};
 use std::collections::BTreeMap;
@@ -128,7 +128,7 @@ impl Cuttable {
                     .to_owned(),
             );
         }
-        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let (low, high) = bounding_box(&mesh.nodes);
         let control =
             |(name, nodes): (&&str, Vec<u32>)| ControlElement::new(name, nodes, &mesh, (high - low).norm());
         let controls = names.iter().zip(held).map(control).collect();

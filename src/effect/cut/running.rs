@@ -9,6 +9,7 @@ use super::recall::BodyMemory;
 use super::resistance::Resistance;
 use super::settings::{NAME, Settings};
 use super::shown;
+use crate::base::extent::extent;
 use crate::base::failure::Failure;
 use crate::base::quantity::quantity;
 use crate::deform::Contribution;
@@ -132,7 +133,7 @@ fn is_near(sweep: &Sweep, body: &PlacedBody) -> bool {
     let room_from_surface = body.room_from_surface();
     let places = body.deformer.positions();
     let places = places.iter().map(|x| (room_from_surface * Point3::from(V3::from(x.map(f64::from)))).coords);
-    let Some((low, high)) = places.map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))) else {
+    let Some((low, high)) = extent(places) else {
         return false;
     };
     let more = (high - low) * BESIDE;

@@ -1,11 +1,12 @@
 use super::base::Tables;
 use super::fallen::Fallen;
 use super::opened::{Cuttable, Known, Shape};
+use crate::base::extent::bounding_box;
 use crate::fem::dense_fields::products;
 use crate::fem::{Element, Lame, NodeFields, Partition, TET4, tet4};
 use crate::green::{ControlElement, FIELDS, Volume};
 use crate::mesh::split::{CutEdges, Split, edge};
-use crate::mesh::{Block, Surface, TetMesh, block, edges_of, quality};
+use crate::mesh::{Block, Surface, TetMesh, block, edges_of};
 use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -48,7 +49,7 @@ fn anew(
 }
 
 fn controls(volume: &Volume) -> Vec<ControlElement> {
-    let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+    let (low, high) = bounding_box(&volume.mesh.nodes);
     let control =
         |nodes: &Vec<u32>| ControlElement::new("", nodes.clone(), &volume.mesh, (high - low).norm());
     volume.held.iter().map(control).collect()
@@ -115,7 +116,7 @@ fn slits_are_solved_anew(volume: &Volume, cuttable: &Cuttable, renews: bool) {
         (V3::new(1.0, 0.0, 0.1), -0.14, 0.01),
     ];
     for (n, d, deep) in slits {
-        let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+        let (low, high) = bounding_box(&volume.mesh.nodes);
         let middle = (low + high) * 0.5;
         let more = by_plane(&volume.mesh, n, n.dot(&middle) + d, |x| {
             x.y > middle.y + deep * 0.5 && x.x < high.x - 0.05
@@ -190,7 +191,7 @@ fn a_cut_through_elements_converges_to_one_along_faces() {
     for m in [1, 2, 4] {
         let along = bar([8 * m, 4 * m, 2 * m]);
         let mut mesh = along.mesh.clone();
-        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let (low, high) = bounding_box(&mesh.nodes);
         let middle = (low + high) * 0.5;
         let mut twice = BTreeMap::new();
         for (node, x) in (0..).zip(&along.mesh.nodes) {
@@ -231,7 +232,7 @@ fn a_cut_surface_yields_like_that_of_the_body_solved_anew() {
 }
 
 fn surface_yields(volume: &Volume, cuttable: &Cuttable, renews: bool) {
-    let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+    let (low, high) = bounding_box(&volume.mesh.nodes);
     let middle = (low + high) * 0.5;
     let n = V3::new(1.0, 0.2, 0.3);
     let cut = by_plane(&volume.mesh, n, n.dot(&middle) + 0.004, |x| x.y > middle.y - 0.02);
@@ -362,7 +363,7 @@ fn work(forces: &DMatrix<f64>, fields: &NodeFields) -> DMatrix<f64> {
 #[test]
 fn what_falls_off_is_no_part_of_the_body_any_more() {
     let mut volume = bar([8, 4, 3]);
-    let (low, high) = quality::bounding_box(&volume.mesh.nodes);
+    let (low, high) = bounding_box(&volume.mesh.nodes);
     let middle = (low + high) * 0.5;
     let below = |x: &V3| x.y < low.y + 1e-9 && x.x > low.x + 0.06 && x.x < low.x + 0.12;
     volume.held[1] = (0..).zip(&volume.mesh.nodes).filter(|(_, x)| below(x)).map(|(n, _)| n).collect();

@@ -14,6 +14,7 @@
 //! X are the twelve affine fields of the body as a whole about the file's centre, in the order of the coefficients.
 
 use super::settings::{NAME, Settings};
+use crate::base::extent::bounding_box;
 use crate::base::machine;
 use crate::deform::{Kind, ModelEntry, REDUCED, REDUCED_NEO_HOOKEAN, ROD};
 use crate::effect::entry::{Resolved, ResolvedBody};
@@ -22,7 +23,7 @@ use crate::fem::{NodeFields, StiffnessMatrix, consistent_mass};
 use crate::green::{
     Assembled, FIELDS, GreenError, Precomputed, Solution, Tensor, columns_of_effect, densities_of_tets,
 };
-use crate::mesh::{TetMesh, quality};
+use crate::mesh::TetMesh;
 use crate::scene::{Body, Scene, SceneError};
 use crate::solve::{MODE_RESIDUAL, Progress, Silent, SolveError, lowest_modes};
 use nalgebra::{DMatrix, Vector3};
@@ -190,7 +191,7 @@ fn modes(
 
 /// X: the affine fields of the whole body about the file's centre.
 fn whole_fields(mesh: &TetMesh) -> NodeFields {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let centre: Vector3<f64> = low + (high - low) * 0.5;
     let mut fields = NodeFields::zeros(mesh.nodes.len(), FIELDS);
     for (node, x) in mesh.nodes.iter().enumerate() {

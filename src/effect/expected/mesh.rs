@@ -10,6 +10,7 @@
 //! it, because stresses are singular at the edges of held parts. The resting body under the loads of the scene is compared too,
 //! and the larger of the differences is reported.
 
+use crate::base::extent::bounding_box;
 use crate::deform::pose_file::PoseLoads;
 use crate::deform::{MeshErrors, Moved, RigidStiffness, wrench_size};
 use crate::fem::TET10;
@@ -17,9 +18,9 @@ use crate::green::{
     self, ControlElement, FIELDS, GreenError, LOAD_FIELDS, LOADS, Prepared, REACTION, Requirements,
     STIFFNESS, Solution,
 };
+use crate::mesh::TetMesh;
 use crate::mesh::quadratic::{Curve, quadratic, straight};
 use crate::mesh::refine::refine;
-use crate::mesh::{TetMesh, quality};
 use crate::scene::{Generate, Scene};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, DVector, Matrix3x2, Matrix6, Vector3, Vector6};
@@ -197,7 +198,7 @@ fn quadratic_solution(
         mesh
     };
     let mesh = if is_quadratic { mesh } else { quadratic(mesh, curve) };
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let control = |(e, control): (usize, &ControlElement)| {
         let nodes = mesh.groups.get(&held(e)).cloned().unwrap_or_default();
         ControlElement::new(&control.name, nodes, &mesh, (high - low).norm())

@@ -7,6 +7,7 @@
 //! x = centre + motion · (rest + Σ coefficient · column)
 //! ```
 
+use crate::base::extent::extent;
 use crate::base::failure::Failure;
 use crate::config::unknown_name;
 use crate::deform::{ControlRest, Deformer, ModelEntry};
@@ -90,7 +91,7 @@ impl BodyBasis {
         let asked = choice.asked.iter().rfind(|asked| asked.body == name);
         let posed = asked.map(|asked| pose(asked, choice.asked, deformer)).transpose()?;
         let rest = file.rest(name).to_vec();
-        let size = extent(rest.iter().copied()).unwrap_or(1.0);
+        let size = largest_extent(rest.iter().copied()).unwrap_or(1.0);
         check_chosen(choice.columns.iter(), &names)?;
         let (mut columns, mut vanishing, mut missing) = (Vec::new(), Vec::new(), Vec::new());
         for (k, (name, (group, of_group))) in names.into_iter().zip(places).enumerate() {
@@ -198,15 +199,14 @@ fn handles(scene: &Scene, file: &GreenFile, body: &str, size: f64) -> Vec<Handle
             nodes: control.nodes,
         },
         is_grabbed: settings.control.get(&control.name).is_some_and(|control| control.grab == Grab::Dragger),
-        radius: extent(places(control).into_iter()).map_or(SINGLE_NODE * size, |extent| 0.5 * extent),
+        radius: largest_extent(places(control).into_iter()).map_or(SINGLE_NODE * size, |extent| 0.5 * extent),
     };
     file.meta.bodies[body].controls.iter().map(handle).collect()
 }
 
 /// The largest extent of places along an axis; `None` for a single one.
-fn extent(places: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
-    let start = (Vector3::repeat(f32::INFINITY), Vector3::repeat(f32::NEG_INFINITY));
-    let (low, high) = places.map(Vector3::from).fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)));
+fn largest_extent(places: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
+    let (low, high) = extent(places.map(Vector3::from))?;
     let extent = f64::from((high - low).max());
     (extent.is_finite() && extent > 0.0).then_some(extent)
 }

@@ -16,6 +16,7 @@
 
 use super::basis_file::{BasisFile, Profile, numbers, triangles};
 use super::body_basis::{BodyBasis, Column, Handle};
+use crate::base::extent::extent;
 use crate::base::output::Kind;
 use crate::base::text::one_line;
 use crate::export::shape::COLOUR;
@@ -397,9 +398,7 @@ fn unit(unit: &str) -> &str {
 }
 
 fn bounds(places: &[[f32; 3]]) -> (Vector3<f64>, Vector3<f64>) {
-    let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    let places = places.iter().map(|x| Vector3::from(*x).cast::<f64>());
-    places.fold(start, |(low, high), x| (low.inf(&x), high.sup(&x)))
+    extent(places.iter().map(|x| Vector3::from(*x).cast())).unwrap_or_default()
 }
 
 fn put_points(out: &mut dyn Write, name: &str, points: &[[f32; 3]]) -> io::Result<()> {

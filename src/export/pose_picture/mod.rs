@@ -7,14 +7,16 @@
 mod view;
 
 use super::exporter::{Exporter, Spread};
-use super::raster::{Raster, SAMPLES, linear};
+use super::raster::{Raster, SAMPLES};
 use super::result_set::{Geometry, Needs, PoseResult, ResultSet};
 use super::{pose_text, shape};
+use crate::base::extent::extent;
 use crate::base::legend::{round_up, ticks};
 use crate::base::output::Kind;
 use crate::base::quantity::{power_of, prefix, quantity, short};
 use crate::deform::{ControlPose, Wrench};
 use crate::render::map_color;
+use egui::ecolor::linear_f32_from_gamma_u8;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use image::RgbaImage;
 use nalgebra::Vector3;
@@ -134,7 +136,7 @@ fn draw(geometry: &Geometry, result: &PoseResult, words: &Words) -> Option<RgbaI
     let fit = Fit::around(&view, rest.iter().chain(&shown))?;
     let colours = Colours::new(result, &nodes);
     let mut raster = Raster::new(SIZE, PAPER);
-    body(&mut raster, &fit, &triangles, &rest, &|_, _| GHOST.map(linear));
+    body(&mut raster, &fit, &triangles, &rest, &|_, _| GHOST.map(linear_f32_from_gamma_u8));
     raster.forget_depth();
     body(&mut raster, &fit, &triangles, &shown, &|node, weights| colours.at(node, weights));
     raster.paint(|painter| Page { painter, fit: &fit, words, larger }.paint(&colours));
@@ -182,11 +184,7 @@ struct Fit<'a> {
 
 impl<'a> Fit<'a> {
     fn around<'b>(view: &'a View, places: impl Iterator<Item = &'b Vector3<f64>>) -> Option<Fit<'a>> {
-        let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        let (low, high) = places.fold(start, |(low, high), place| {
-            let at = view.turned(place);
-            (low.inf(&at), high.sup(&at))
-        });
+        let (low, high) = extent(places.map(|place| view.turned(place)))?;
         let extent = high - low;
         let scale = (f64::from(STAGE.width()) / extent.x).min(f64::from(STAGE.height()) / extent.y) * 0.86;
         let half = extent * (0.5 * scale);
@@ -235,15 +233,15 @@ impl Colours {
     /// Linear light; grey where a control element holds the body.
     fn at(&self, triangle: &[u32; 3], weights: [f64; 3]) -> [f32; 3] {
         if !self.is_any() {
-            return BODY.map(linear);
+            return BODY.map(linear_f32_from_gamma_u8);
         }
         let value = |i: usize| self.values[triangle[i] as usize];
         match [value(0), value(1), value(2)] {
             [Some(a), Some(b), Some(c)] => {
                 let part = (a * weights[0] + b * weights[1] + c * weights[2]) / self.to;
-                map_color(part as f32).map(linear)
+                map_color(part as f32).map(linear_f32_from_gamma_u8)
             }
-            _ => [120, 122, 126].map(linear),
+            _ => [120, 122, 126].map(linear_f32_from_gamma_u8),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Chooses the best view of a moved body: with its length to the right and its motion upwards or downwards in the picture.
 
+use crate::base::extent::bounding_box;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
 /// Directions to the right, upwards and towards the eye: rows of a rotation.
@@ -14,8 +15,7 @@ const ASIDE: f64 = 0.18;
 
 /// The largest extent, m; `None` without one.
 pub fn size(places: &[Vector3<f64>]) -> Option<f64> {
-    let start = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    let (low, high) = places.iter().fold(start, |(low, high), x| (low.inf(x), high.sup(x)));
+    let (low, high) = bounding_box(places);
     let size = (high - low).amax();
     (size.is_finite() && size > 0.0).then_some(size)
 }

@@ -6,6 +6,7 @@
 //!
 //! [`Surface`] is the surface that is compressed; in the [`Frame`]s of its nodes a force moves the node under it by about 1.
 
+use crate::base::extent::{bounding_box, extent};
 use crate::fem::NodeFields;
 use crate::solve::{Factor, Progress, SolveError};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
@@ -103,7 +104,7 @@ fn sort(places: &[V3], nodes: &mut [usize]) {
     if nodes.len() <= LEAF {
         return;
     }
-    let (low, high) = bounds(nodes.iter().map(|&node| &places[node]));
+    let (low, high) = extent(nodes.iter().map(|&node| places[node])).unwrap_or_default();
     let axis = (high - low).imax();
     nodes.sort_by(|&a, &b| places[a][axis].total_cmp(&places[b][axis]).then(a.cmp(&b)));
     let (left, right) = nodes.split_at_mut(nodes.len() / 2);
@@ -111,15 +112,10 @@ fn sort(places: &[V3], nodes: &mut [usize]) {
     sort(places, right);
 }
 
-fn bounds<'a>(places: impl Iterator<Item = &'a V3>) -> (V3, V3) {
-    let nothing = (V3::repeat(f64::INFINITY), V3::repeat(f64::NEG_INFINITY));
-    places.fold(nothing, |(low, high), place| (low.inf(place), high.sup(place)))
-}
-
 /// All blocks for nodes at these places, in the order of the tree: each pair of nodes of which one takes forces is in one.
 pub fn blocks(tree: &Tree, places: &[V3]) -> Vec<Block> {
     let boxes: Vec<(V3, V3)> =
-        tree.clusters.iter().map(|cluster| bounds(places[cluster.nodes.clone()].iter())).collect();
+        tree.clusters.iter().map(|cluster| bounding_box(&places[cluster.nodes.clone()])).collect();
     let mut found = Vec::new();
     for root in tree.roots() {
         divide(tree, &boxes, [root, 0], &mut found);

@@ -16,7 +16,7 @@ use super::super::requirements::Family;
 use super::super::solution::{Precomputed, Solution};
 use super::loads::nodal_forces;
 use super::table;
-use crate::mesh::quality;
+use crate::base::extent::bounding_box;
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
 
@@ -94,7 +94,7 @@ fn compute(assembled: &Assembled<'_>, solution: &mut Solution, _: &dyn Progress)
             Turning::Fixed | Turning::Follows => nodal_forces(assembled.scene, assembled.name, mesh, load)?,
         });
     }
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let centre = low + (high - low) * 0.5;
     let is_pushed = |node: &usize| columns.iter().any(|column| column[*node] != V3::zeros());
     let nodes: Vec<usize> = (0..mesh.nodes.len()).filter(is_pushed).collect();

@@ -26,8 +26,9 @@ use super::columns::{self, Names};
 use super::table;
 use super::tractions::Tractions;
 use crate::base::columns::{ColumnGroup, Storage, StoredColumns};
+use crate::base::extent::bounding_box;
 use crate::fem::{NodeFields, body_force, expansion};
-use crate::mesh::{TetMesh, quality};
+use crate::mesh::TetMesh;
 use crate::scene::{Centrifugal, LoadEntry, LoadKind, LoadSource, Scene};
 use crate::solve::Progress;
 use nalgebra::{DMatrix, Vector3};
@@ -86,7 +87,7 @@ fn compute(
 
     let dense = |fields: &NodeFields| DMatrix::from_row_slice(3 * nodes, fields.columns, &fields.data);
     let (f, g, u) = (dense(&f), dense(&g), dense(&solution.fields));
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let centre = low + (high - low) * 0.5;
     let loads: Vec<LoadMeta> = assembled.body.loads().iter().map(LoadMeta::new).collect();
     let is_inner = inner(&loads);

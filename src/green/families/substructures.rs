@@ -13,7 +13,7 @@ use super::super::substructure::{self, Body, StoredParts, TABLES};
 use super::affine::AFFINE;
 use super::stiffness::STIFFNESS;
 use super::table;
-use crate::mesh::quality;
+use crate::base::extent::bounding_box;
 use crate::scene;
 use crate::solve::Progress;
 
@@ -56,7 +56,7 @@ fn compute(
     if let Some(stiffness) = solution.stiffness() {
         substructure::fit(&mut solved, controls, stiffness).map_err(failed)?;
     }
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let tables = substructure::tables(&solved, &(low + (high - low) * 0.5));
     solution.tables.extend(tables);
     Ok(())

@@ -6,6 +6,7 @@
 //! across the longest axis of inertia, again and again (Simon, Comput. Syst. Eng. 2, 1991, 135-148).
 
 use super::super::control::ControlElement;
+use crate::base::disjoint::DisjointSets;
 use crate::fem::{NodeFields, Partition, StiffnessMatrix, tet4};
 use crate::mesh::geodesic::edges;
 use crate::mesh::{FACES, TetMesh};
@@ -192,16 +193,16 @@ fn volumes(mesh: &TetMesh) -> Vec<f64> {
 
 /// The tetrahedra of one label that are joined by faces, numbered in the order of labels, then of their first tetrahedron.
 fn components(labels: &[usize], pairs: &[Neighbours]) -> (Vec<usize>, usize) {
-    let mut sets = Sets::new(labels.len());
+    let mut sets = DisjointSets::new(labels.len());
     for &([a, b], _) in pairs {
         if labels[a] == labels[b] {
-            sets.join(a, b);
+            sets.join(a as u32, b as u32);
         }
     }
-    let mut numbers: BTreeMap<(usize, usize), usize> =
-        (0..labels.len()).map(|tet| ((labels[tet], sets.root(tet)), 0)).collect();
+    let roots: Vec<(usize, u32)> = (0..).zip(labels).map(|(tet, label)| (*label, sets.root(tet))).collect();
+    let mut numbers: BTreeMap<(usize, u32), usize> = roots.iter().map(|root| (*root, 0)).collect();
     numbers.values_mut().enumerate().for_each(|(number, of)| *of = number);
-    let part = (0..labels.len()).map(|tet| numbers[&(labels[tet], sets.root(tet))]).collect();
+    let part = roots.iter().map(|root| numbers[root]).collect();
     (part, numbers.len())
 }
 
@@ -255,14 +256,14 @@ fn interfaces(
     }
     let mut found = Vec::new();
     for (parts, faces) in between {
-        let mut sets = Sets::new(mesh.nodes.len());
+        let mut sets = DisjointSets::new(mesh.nodes.len());
         for [a, b, c] in &faces {
-            sets.join(*a as usize, *b as usize);
-            sets.join(*a as usize, *c as usize);
+            sets.join(*a, *b);
+            sets.join(*a, *c);
         }
-        let mut by_root: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
+        let mut by_root: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for &node in faces.iter().flatten() {
-            by_root.entry(sets.root(node as usize)).or_default().push(node);
+            by_root.entry(sets.root(node)).or_default().push(node);
         }
         for (_, mut nodes) in by_root {
             nodes.sort_unstable();
@@ -272,31 +273,6 @@ fn interfaces(
         }
     }
     found
-}
-
-/// Disjoint sets of numbers.
-struct Sets {
-    parent: Vec<usize>,
-}
-
-impl Sets {
-    fn new(count: usize) -> Sets {
-        Sets { parent: (0..count).collect() }
-    }
-
-    /// The smallest number of a set.
-    fn root(&mut self, mut of: usize) -> usize {
-        while self.parent[of] != of {
-            self.parent[of] = self.parent[self.parent[of]];
-            of = self.parent[of];
-        }
-        of
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b)] = a.min(b);
-    }
 }
 
 #[cfg(test)]

@@ -256,7 +256,7 @@ impl<'a> Plan<'a> {
             out.int(*number);
             out.end_line();
         }
-        let (min, max) = super::super::quality::bounding_box(&mesh.nodes);
+        let (min, max) = crate::base::extent::bounding_box(&mesh.nodes);
         let is_named = |region: &i32| self.region_names.iter().any(|(named, _)| named == region);
         for (region, volume) in &self.volumes {
             out.int(*volume);

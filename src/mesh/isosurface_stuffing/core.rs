@@ -11,6 +11,7 @@
 //! vertices that are on the wrong side of a surface that passes through itself.
 
 use super::lattice::{Lattice, STEPS};
+use crate::base::disjoint::DisjointSets;
 use crate::mesh::quality::signed_volume;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -293,21 +294,13 @@ fn contradictions(lattice: &Lattice, depth: &[f64]) -> Vec<Vector3<f64>> {
 
 /// The least vertex of the side of each vertex; edges that the surface cannot cut join a side.
 fn sides(lattice: &Lattice, depth: &[f64]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..depth.len() as u32).collect();
-    fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
-        while parent[vertex as usize] != vertex {
-            parent[vertex as usize] = parent[parent[vertex as usize] as usize];
-            vertex = parent[vertex as usize];
-        }
-        vertex
-    }
+    let mut sides = DisjointSets::new(depth.len());
     for vertex in 0..depth.len() {
         for (step, other) in neighbours(lattice, vertex) {
             if other < vertex && is_clear(lattice, depth[vertex], depth[other], step) {
-                let (a, b) = (root(&mut parent, vertex as u32), root(&mut parent, other as u32));
-                parent[a.max(b) as usize] = a.min(b);
+                sides.join(vertex as u32, other as u32);
             }
         }
     }
-    (0..depth.len() as u32).map(|vertex| root(&mut parent, vertex)).collect()
+    (0..depth.len() as u32).map(|vertex| sides.root(vertex)).collect()
 }

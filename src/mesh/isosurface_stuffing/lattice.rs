@@ -5,7 +5,7 @@
 //! neighbours of one kind (length 1 cell), short ones a corner and a centre (√3/2 cells). Every tetrahedron has two
 //! opposite long edges and four short ones; all its dihedral angles are 60° or 90°.
 
-use crate::mesh::quality::bounding_box;
+use crate::base::extent::bounding_box;
 use crate::mesh::surface_files::TriangleSurface;
 use glamx::Vec3;
 use nalgebra::Vector3;

@@ -16,6 +16,7 @@ use super::surface::Surface;
 use super::surface_check::{SurfaceReport, check};
 use super::surface_files::{self, LoadedSurface, TriangleSurface};
 use super::tet_mesh::{LoadedMesh, TetMesh};
+use crate::base::extent::bounding_box;
 use crate::base::machine;
 use crate::base::table::count;
 use lattice::{Depth, Distance, Lattice};
@@ -32,7 +33,7 @@ const CRUMB: f64 = 1e-3;
 
 /// The cell that is suggested for a surface: a thirtieth of its longest extent, of two digits.
 pub fn suggested_cell(surface: &TriangleSurface) -> f64 {
-    let (low, high) = quality::bounding_box(&surface.vertices);
+    let (low, high) = bounding_box(&surface.vertices);
     let cell = (high - low).amax() / 30.0;
     format!("{cell:.1e}").parse().unwrap_or(cell)
 }
@@ -119,7 +120,7 @@ fn refuse(surface: &TriangleSurface, report: &SurfaceReport, cell: f64) -> Resul
             report.faults().join("; ")
         ));
     }
-    let (low, high) = quality::bounding_box(&surface.vertices);
+    let (low, high) = bounding_box(&surface.vertices);
     let extent = high - low;
     if report.volume <= 1e-12 * extent.product() {
         return Err(format!("the surface encloses no volume ({:e} m³)", report.volume));

@@ -67,7 +67,7 @@ fn holding(mesh: &TetMesh, is_held: &dyn Fn(Vector3<f64>) -> bool) -> Vec<Option
 fn a_plane_divides_a_block() {
     let mesh = a_block();
     let splitter = Splitter::new(mesh.clone());
-    let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
+    let (low, high) = crate::base::extent::bounding_box(&mesh.nodes);
     let n = Vector3::new(1.0, 0.2, -0.3);
     let d = n.dot(&((low + high) * 0.5)) + 0.011;
     let cut = by_plane(&mesh, n, d, &|_| true);
@@ -116,7 +116,7 @@ fn any_cut_keeps_the_volume() {
     let splitter = Splitter::new(mesh.clone());
     let whole = volume_of(&mesh);
     let held = vec![None; mesh.nodes.len()];
-    let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
+    let (low, high) = crate::base::extent::bounding_box(&mesh.nodes);
     let middle = (low + high) * 0.5;
     let mut cuts: Vec<CutEdges> = Vec::new();
     let slit =
@@ -166,7 +166,7 @@ fn any_cut_keeps_the_volume() {
 fn crossing_cuts_leave_no_holes() {
     let mesh = a_block();
     let splitter = Splitter::new(mesh.clone());
-    let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
+    let (low, high) = crate::base::extent::bounding_box(&mesh.nodes);
     let middle = (low + high) * 0.5;
     let held = holding(&mesh, &|x| x.x < low.x + 1e-9);
     let mut cut = CutEdges::new();
@@ -207,7 +207,7 @@ fn crossing_cuts_leave_no_holes() {
 fn a_slit_closes_at_its_end() {
     let mesh = a_block();
     let splitter = Splitter::new(mesh.clone());
-    let (low, high) = crate::mesh::quality::bounding_box(&mesh.nodes);
+    let (low, high) = crate::base::extent::bounding_box(&mesh.nodes);
     let n = Vector3::new(1.0, 0.0, 0.0);
     let deep = by_plane(&mesh, n, 0.5 * (low.x + high.x) + 0.004, &|x| x.y > high.y - 0.11);
     let held = holding(&mesh, &|x| x.y < low.y + 1e-9);

@@ -11,7 +11,7 @@ mod stl;
 mod words;
 
 use super::error::{FormatFault, MeshError};
-use super::quality::bounding_box;
+use crate::base::extent::bounding_box;
 use nalgebra::Vector3;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;

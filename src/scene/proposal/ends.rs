@@ -6,6 +6,7 @@
 
 use super::super::Nodes;
 use crate::base::disjoint::DisjointSets;
+use crate::base::extent::bounding_box;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::{Surface, TetMesh, geodesic, quality};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
@@ -83,7 +84,7 @@ struct Shape {
 
 impl Shape {
     fn new(mesh: &TetMesh) -> Shape {
-        let (low, high) = quality::bounding_box(&mesh.nodes);
+        let (low, high) = bounding_box(&mesh.nodes);
         let middle = (low + high) * 0.5;
         let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
         for tet in 0..mesh.tets.len() {

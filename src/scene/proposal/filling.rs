@@ -5,6 +5,7 @@
 
 use super::doubt::{ProposalError, plausible};
 use super::wishes::Wishes;
+use crate::base::extent::bounding_box;
 use crate::base::table::count;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::isosurface_stuffing::filled;
@@ -62,7 +63,7 @@ struct FilledCell {
 pub fn fill(file: &Path, largest: f64, wishes: &Wishes) -> Result<FilledSurface, ProposalError> {
     let LoadedSurface { mut surface, mut notices } = surface_files::load(file)?;
     let extent = |(low, high)| -> f64 { Vector3::amax(&(high - low)) };
-    plausible(file, extent(quality::bounding_box(&surface.vertices)), largest, wishes.asked_scale())?;
+    plausible(file, extent(bounding_box(&surface.vertices)), largest, wishes.asked_scale())?;
     wishes.asked_scale().unwrap_or(Scale::ONE).apply(&mut surface.vertices);
     let report = surface_check::check(&mut surface, &mut notices);
     let wall = wall_thickness(&surface, THINNEST);
@@ -171,7 +172,7 @@ impl Trial<'_> {
     }
 
     fn sides(&self) -> Vector3<f64> {
-        let (low, high) = quality::bounding_box(&self.surface.vertices);
+        let (low, high) = bounding_box(&self.surface.vertices);
         high - low
     }
 }

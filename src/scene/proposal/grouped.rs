@@ -8,6 +8,7 @@ use super::doubt::ProposalError;
 use super::ends::{self, End, are_apart, can_be_held};
 use super::telling::{Explanations, HeldElement};
 use super::wishes::Wishes;
+use crate::base::extent::bounding_box;
 use crate::config::unknown_name;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::{Surface, TetMesh, quality};
@@ -251,7 +252,7 @@ fn hold_pieces(
             continue;
         }
         let of_piece: Vec<_> = piece.iter().map(|&node| mesh.nodes[node as usize]).collect();
-        let (low, high) = quality::bounding_box(&of_piece);
+        let (low, high) = bounding_box(&of_piece);
         let outer = surface.nodes.iter().filter(|node| piece.binary_search(node).is_ok());
         let Some(&lowest) =
             outer.min_by(|a, b| mesh.nodes[**a as usize].y.total_cmp(&mesh.nodes[**b as usize].y))

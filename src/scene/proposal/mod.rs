@@ -19,9 +19,10 @@ pub use wishes::Wishes;
 use super::materials::{LibraryMaterial, MATERIALS, find_material};
 use super::write::{self, Comments};
 use super::{Body, Material, Scene, SceneError, Tetrahedralise};
+use crate::base::extent::bounding_box;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::Scale;
-use crate::mesh::{self, LoadedMesh, TetMesh, quality, surface_files};
+use crate::mesh::{self, LoadedMesh, TetMesh, surface_files};
 use choice::INCOMPRESSIBLE;
 use doubt::plausible;
 use filling::FilledSurface;
@@ -147,7 +148,7 @@ fn size(
     wishes: &Wishes,
     filling: Option<(Tetrahedralise, Option<f64>)>,
 ) {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let sides: Vec<String> = (high - low).iter().map(|side| digits(*side)).collect();
     let sides = format!("{} m", sides.join(" × "));
     let unit = match (wishes.unit, wishes.scale) {

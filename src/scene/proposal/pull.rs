@@ -5,6 +5,7 @@
 
 use super::super::write::quoted_key;
 use super::super::{Grab, Scene, SceneError};
+use crate::base::extent::bounding_box;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::Vector3;
@@ -100,7 +101,7 @@ pub fn length(m: f64) -> String {
 
 /// The longest side of its box, m.
 pub fn extent(mesh: &TetMesh) -> f64 {
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     (high - low).amax()
 }
 

@@ -1,5 +1,7 @@
 use super::*;
+use crate::base::extent::bounding_box;
 use crate::mesh::length_unit::find_unit;
+use crate::mesh::quality;
 use crate::mesh::{Block, Tube, block, save, tube};
 use crate::scene::{Grab, Nodes};
 
@@ -160,7 +162,7 @@ fn an_implausible_size_asks_back_and_a_unit_answers() {
     assert_eq!(doubt.extent_in(doubt.candidates[0]), "0.1950 m");
     let unit = Some(doubt.candidates[0]);
     let proposal = proposed("robot.msh", &robot, &Wishes { unit, ..Wishes::default() }).unwrap();
-    let (low, high) = quality::bounding_box(&proposal.mesh.nodes);
+    let (low, high) = bounding_box(&proposal.mesh.nodes);
     assert_eq!((low.x, high.x), (-0.0975, 0.0975));
     let scaled = proposed("robot.msh", &robot, &Wishes { scale: Some(0.001), ..Wishes::default() }).unwrap();
     assert_eq!(scaled.mesh.nodes, proposal.mesh.nodes);

@@ -1,12 +1,13 @@
 //! The whole model on small beams: against static equilibrium, the linear theory and differences of the model's energy.
 
 use super::Substructured;
+use crate::base::extent::bounding_box;
 use crate::deform::models::fixture::assert_slopes;
 use crate::deform::{ControlPose, ControlRest, DeformationModel, ModelInput, PoseSlope, Statics, axial};
 use crate::fem::{STVK, TET4};
 use crate::green::substructure::{Body, BodyError, cut, fit, solve, tables};
 use crate::green::{self, Prepared};
-use crate::mesh::{Surface, quality};
+use crate::mesh::Surface;
 use crate::scene::{Parts, Scene};
 use crate::solve::{Silent, Solver};
 use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
@@ -41,7 +42,7 @@ fn fitted(scene: &Scene, parts: Parts, stiffness: Option<&DMatrix<f64>>) -> Resu
     let cut = cut(mesh, controls, parts, &solver, &Silent).unwrap();
     let (surface_ref, cut, solver) = (&surface, &cut, &solver);
     let body = Body { element: &TET4, mesh, surface: surface_ref, lame, controls, cut, solver };
-    let (low, high) = quality::bounding_box(&mesh.nodes);
+    let (low, high) = bounding_box(&mesh.nodes);
     let centre = low + (high - low) * 0.5;
     let mut solved = solve(&body, &Silent).unwrap();
     if let Some(stiffness) = stiffness {
@@ -175,7 +176,7 @@ fn forces_and_moments_are_in_equilibrium() {
     let (energy, _) = respond(&mut made, &there);
     assert!(energy < 1e-20, "{energy}");
     made.model.state(&there);
-    let (low, high) = quality::bounding_box(&made.prepared.mesh.nodes);
+    let (low, high) = bounding_box(&made.prepared.mesh.nodes);
     for (u, &node) in made.model.field().unwrap().iter().zip(&made.surface.nodes) {
         let x = made.prepared.mesh.nodes[node as usize] - (low + high) * 0.5;
         let off = x + Vector3::from(*u).cast::<f64>() - motion * x - Vector3::new(0.3, 2.0, -1.0);
@@ -310,7 +311,7 @@ fn a_part_that_hangs_on_one_interface_has_no_coordinates() {
     let exact = Statics::new(&scene, "a", &STVK, &Silent).unwrap().solve(&poses, &Silent).unwrap();
     assert!((energy / exact.energy - 1.0).abs() < 0.03, "{energy} {}", exact.energy);
     made.model.state(&poses);
-    let (low, high) = quality::bounding_box(&made.prepared.mesh.nodes);
+    let (low, high) = bounding_box(&made.prepared.mesh.nodes);
     let origin = made.model.origins[1];
     let mut far = 0.0f64;
     for (u, &node) in made.model.field().unwrap().iter().zip(&made.surface.nodes) {
