@@ -9,8 +9,9 @@ use crate::base::output::Scratch;
 use crate::base::progress::Bars;
 use crate::base::table::count;
 use crate::config::unknown_name;
-use crate::deform::{ControlPose, pose_file};
-use crate::green::Requirements;
+use crate::deform::pose_file;
+use crate::base::extent::bounding_box;
+use crate::green::{self, Requirements};
 use crate::measure::{self, Limits, Measurement, Request, TimeLimit};
 use crate::prepare::{self, Resolved};
 use crate::scene::{AccuracyTarget, Scene};
@@ -147,16 +148,21 @@ fn command(args: &Args) -> String {
     words.join(" ")
 }
 
+/// Part of a body's radius below which a pose of a file moves it by rounding alone.
+const ROUNDING: f64 = 1e-6;
+
 /// The poses of an accuracy report, and one sentence on where they come from.
 fn all_poses(args: &Args, scene: &Resolved, name: &str) -> Result<NamedPoses, Failure> {
     if let Some(path) = &args.poses {
         let body = &scene.body[name];
         let file = pose_file::load(path)?;
+        let (low, high) = bounding_box(&green::prepare(scene, name)?.mesh.nodes);
+        let radius = 0.5 * (high - low).norm();
         let own = file.iter().filter(|pose| pose.body.as_deref().is_none_or(|body| body == name));
         let mut poses = Vec::new();
         for pose in own {
             let moved = pose_file::control_poses(pose, name, body, path)?;
-            let is_rest = moved.iter().all(|pose| *pose == ControlPose::REST);
+            let is_rest = moved.iter().all(|pose| pose.is_rest_within(ROUNDING, radius));
             if let Some(what) = pose.beyond_motion().or(is_rest.then_some("moves nothing")) {
                 return Err(Failure::wrong(format!(
                     "{}: pose \"{}\" {what}; the report measures errors of control elements that are moved from rest and held",

@@ -178,9 +178,12 @@ pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
 /// Checks the text of a pose file; `path` is only named in errors.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
     let mut poses = config::parse::<PoseFile>(text, path)?.pose;
-    let mut known = BTreeSet::new();
+    // A pose that names no body is for the only one that there is.
+    let mut known: BTreeMap<&str, BTreeSet<Option<&str>>> = BTreeMap::new();
     for pose in &poses {
-        if !known.insert((&pose.name, &pose.body)) {
+        let bodies = known.entry(&pose.name).or_default();
+        let is_known = bodies.contains(&None) || (pose.body.is_none() && !bodies.is_empty());
+        if !bodies.insert(pose.body.as_deref()) || is_known {
             return Err(Failure::wrong(format!(
                 "{}: two poses are called \"{}\"",
                 path.display(),

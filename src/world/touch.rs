@@ -185,7 +185,10 @@ fn taken(stylus: &StylusState, pose: &Isometry3<f64>, bodies: &[PlacedBody]) -> 
     if sum <= 1e-6 {
         return None;
     }
-    let point = SurfacePoint { weights: weights.map(|w| w / sum), ..point };
+    // A corner without a share may be one that a cut has made, which goes when the cut goes on.
+    let most = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or_default();
+    let corner = |i: usize| point.corners[if weights[i] > 0.0 { i } else { most }];
+    let point = SurfacePoint { corners: [0, 1, 2].map(corner), weights: weights.map(|w| w / sum), ..point };
     let place_in_room = body.room_from_body * point.places(body)[0];
     Some(Touch {
         body: hit.target,

@@ -338,6 +338,7 @@ fn pose_mistakes_are_refused() {
         ("control.high = { translation = [0.0, 0.0] }", ["poses.toml:3", "length 3"]),
         ("body = \"blok\"", ["pose \"a\"", "did you mean \"block\"?"]),
         ("[[pose]]\nname = \"a\"", ["poses.toml", "two poses are called \"a\""]),
+        ("[[pose]]\nname = \"a\"\nbody = \"block\"", ["poses.toml", "two poses are called \"a\""]),
     ] {
         std::fs::write(folder.join("poses.toml"), format!("[[pose]]\nname = \"a\"\n{poses}\n")).unwrap();
         refuse(&folder, &DEFORM, &expected);
@@ -352,6 +353,7 @@ fn a_report_refuses_poses_that_it_cannot_measure() {
     let of = |pose: &str| format!("[[pose]]\nname = \"pull\"\n{pose}\n");
     for (poses, expected) in [
         (POSES.to_owned(), "pose \"rest\" moves nothing"),
+        (of("control.high = { translation = [1e-17, 0.0, 0.0] }"), "pose \"pull\" moves nothing"),
         (of("control.high = { force = [0.0, 0.0, -5.0] }"), "pose \"pull\" has free directions or is pushed"),
         (of("control.high = { translation = [0.1, 0.0, 0.0], free = [\"y\"] }"), "has free directions"),
         (

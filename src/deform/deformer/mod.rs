@@ -450,7 +450,7 @@ impl Deformer {
     pub fn remade(&self, file: Arc<GreenFile>, kept: usize) -> Result<Deformer, String> {
         let mut other = Deformer::new(file, &self.body, self.entry)?;
         let mut state = self.snapshot();
-        let is_kept = |point: &PointLoad| point.nodes.iter().all(|node| (*node as usize) < kept);
+        let is_kept = |point: &PointLoad| point.corners().all(|(node, _)| (node as usize) < kept);
         state.loads.points.retain(is_kept);
         state.contribution.points.retain(is_kept);
         other.sharp = self.sharp;

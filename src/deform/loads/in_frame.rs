@@ -1,10 +1,12 @@
-//! Loads on a body whose points are x = m Σ z_k h_k, as forces on z and on the frame m.
+//! Loads on a body whose points are x = m (c̄ + Σ z_k h_k), as forces on z, on the frame m and on c̄, the translation that all control
+//! elements have in common against it.
 //!
-//! In: the table of the loads' work of the family `reduced`, what is applied, and m = (R, t). Out, with D_k = Σ f ⊗ h_k over all
+//! In: the table of the loads' work of the family `reduced`, what is applied, m = (R, t) and c̄. Out, with D_k = Σ f ⊗ h_k over all
 //! forces f along the body's axes,
 //!
 //! ```text
-//! W = Σ f · (x - X) = N·(t - ō) + Σ_k z_k g_k - tr D_0    N = Σ f    g_k = D_k : R    ∂W by m exp η: (Rᵀ N, Σ_k z_k axial(Rᵀ D_k))
+//! W = Σ f · (x - X) = N·(t + R c̄ - ō) + Σ_k z_k g_k - tr D_0    N = Σ f    g_k = D_k : R
+//! ∂W by m exp η: (Rᵀ N, c̄ × Rᵀ N + Σ_k z_k axial(Rᵀ D_k))         ∂W/∂c̄ = Rᵀ N
 //! ```
 //!
 //! Warmth e makes the stress-free body s = 1 + e times as large: s³ V(F/s) = (V - ε zᵀ T z + ½ ε² T_00)/s with ε = (s² - 1)/2, which
@@ -19,6 +21,7 @@ use crate::deform::pose::frame::axial;
 use crate::green::{Lift, LoadMeta, REDUCED_LOADS, Turning, WARMTH};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3, Vector6};
 use std::collections::BTreeMap;
+use std::ops::AddAssign;
 
 type V3 = Vector3<f64>;
 
@@ -164,16 +167,24 @@ impl FrameForces {
         self.first = std::mem::take(&mut self.burden.forces[0]);
     }
 
-    /// Potential of the loads beside that of [`LoadedPotential`]: -N·(t - ō) - g_0 + tr D_0, and the energy that warmth stores.
-    pub fn beside(&self, m: &Isometry3<f64>) -> f64 {
-        let shift = m.translation.vector - self.centre;
+    /// Potential of the loads beside that of [`LoadedPotential`]: -N·(t + R c̄ - ō) - g_0 + tr D_0, and the energy that warmth stores.
+    pub fn beside(&self, m: &Isometry3<f64>, common: &V3) -> f64 {
+        let shift = m.translation.vector + m.rotation * common - self.centre;
         self.stored - self.all[0].dot(&shift) - self.first + columns(&self.all, 0).trace()
     }
 
-    /// ∂W by a motion of m in its own axes, z being held.
-    pub fn by_frame(&self, m: &Isometry3<f64>, z: &[f64]) -> Vector6<f64> {
+    /// ∂W by a motion of m in its own axes, z and c̄ being held.
+    pub fn by_frame(&self, m: &Isometry3<f64>, common: &V3, z: &[f64]) -> Vector6<f64> {
         let moments = z.iter().enumerate().map(|(k, z)| columns(&self.all, k) * *z).sum();
-        joined(m, &self.all[0], &moments)
+        let mut by_frame = joined(m, &self.all[0], &moments);
+        let torque = common.cross(&self.by_common(m));
+        by_frame.fixed_rows_mut::<3>(3).add_assign(&torque);
+        by_frame
+    }
+
+    /// ∂W/∂c̄, in the axes of m.
+    pub fn by_common(&self, m: &Isometry3<f64>) -> V3 {
+        m.rotation.inverse() * self.all[0]
     }
 
     /// Derivative of Σ p_k g_k over the fields Φ by a motion of m in its own axes: forces that keep their directions turn against

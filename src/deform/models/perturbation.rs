@@ -22,7 +22,7 @@
 //! order, so that it misses squares of these.
 
 use super::helicoidal::{CubicForm, Helicoidal};
-use super::reduced::{Curvature, Posed, Quartic, quartic_table};
+use super::reduced::{ByMean, Curvature, Posed, Quartic, quartic_table};
 use crate::deform::loads::FrameForces;
 use crate::deform::memory::{ModelMemory, Unknowns};
 use crate::deform::model::{
@@ -262,7 +262,8 @@ impl Perturbation {
         let mut by_mean = None;
         if let Some(loads) = &loads {
             let m = self.posed.mean();
-            energy += loads.beside(m);
+            let common = self.posed.common();
+            energy += loads.beside(m, &common);
             let bends = self.bends.column(0);
             for (z, (bend, answer)) in self.z[q..].iter_mut().zip(bends.iter().zip(&self.answers)) {
                 *z = (1.0 - share) * bend + answer;
@@ -270,7 +271,10 @@ impl Perturbation {
             for (by, slope) in self.by_answers.iter_mut().zip(&self.slopes[q..]) {
                 *by = (1.0 - share) * slope;
             }
-            by_mean = Some(loads.by_turn(m, &self.by_answers) - loads.by_frame(m, &self.z));
+            by_mean = Some(ByMean {
+                motion: loads.by_turn(m, &self.by_answers) - loads.by_frame(m, &common, &self.z),
+                common: -loads.by_common(m),
+            });
         }
         let slopes = &self.slopes;
         let by_y = |k: usize| {

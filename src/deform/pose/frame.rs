@@ -42,6 +42,11 @@ impl ControlPose {
         flat(&self.translation, &(self.matrix - Matrix3::identity()))
     }
 
+    /// Whether it moves no point of a ball of this radius, m, about its origin by more than this part of the radius.
+    pub fn is_rest_within(&self, part: f64, radius: f64) -> bool {
+        self.translation.norm() + (self.matrix - Matrix3::identity()).norm() * radius <= part * radius
+    }
+
     /// Expresses the affine motion about the origin `to` instead of `from`: o + T + M (x - o) = o' + T' + M (x - o') with
     /// T' = T + (M - I)(o' - o).
     pub fn with_origin(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> ControlPose {

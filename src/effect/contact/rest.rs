@@ -33,7 +33,7 @@ pub fn lie(bodies: &[TouchedBody], inertias: &Inertias<'_>, contacts: &[Contact]
 pub fn are_still(bodies: &[TouchedBody], before: &[Vec<ControlPose>], after: &[Vec<ControlPose>]) -> bool {
     let is_still = |(body, (before, after)): (&TouchedBody, (&Vec<ControlPose>, &Vec<ControlPose>))| {
         let rest = body.free.rest().iter().map(|x| V3::from(x.map(f64::from)).norm());
-        let (radius, most) = (rest.fold(0.0, f64::max), STILL * body.longest());
+        let (radius, most) = (rest.fold(0.0, f64::max), STILL * body.longest_at_rest());
         let way = |(from, to): (&ControlPose, &ControlPose)| {
             (to.translation - from.translation).norm() + (to.matrix - from.matrix).norm() * radius
         };

@@ -1,7 +1,8 @@
 //! Work of friction in a frame, where it is to be heard.
 //!
 //! In: the contacts at the end of a step, with the way that each has slipped and the work of friction on it. Out: the work on each body that is
-//! heard; that of two such bodies counts half for each.
+//! heard; that of two such bodies counts half for each. Ways are those
+//! in the body's own metres, for which its forces are.
 
 use super::candidates::Places;
 use super::touch::Contact;
@@ -12,12 +13,12 @@ use crate::world::dissipation::Dissipation;
 pub fn add_friction(bodies: &mut [TouchedBody], contacts: &[Contact], starts: &[Places], steps: usize) {
     for contact in contacts.iter().filter(|contact| contact.rubbed > 0.0) {
         let heard = contact.sides().filter(|(body, ..)| bodies[*body].is_heard).count();
-        let way = contact.slip * steps as f64;
         for (number, spot, _) in contact.sides() {
             let body = &mut bodies[number];
             if body.is_heard {
-                let place = starts[number].of(&spot);
-                body.rubbed.add(&Dissipation::of(contact.rubbed / heard as f64, &place, way));
+                let (place, scale) = (starts[number].of(&spot), body.room_from_body.scaling());
+                let (work, way) = (contact.rubbed / scale, contact.slip * steps as f64 / scale);
+                body.rubbed.add(&Dissipation::of(work / heard as f64, &place, way));
             }
         }
     }

@@ -233,6 +233,11 @@ impl TouchedBody {
         self.longest * self.room_from_body.scaling()
     }
 
+    /// Longest edge in the body's own metres.
+    pub fn longest_at_rest(&self) -> f64 {
+        self.longest
+    }
+
     /// Whether a node has no column: it belongs to a control element, or surface_compliance leaves it out.
     pub fn has_no_column(&self, node: u32) -> bool {
         self.yields.get(node as usize) != Some(&true)

@@ -234,8 +234,8 @@ impl CutBody {
             };
             let place = (passed.count > 0).then(|| Point3::from(passed.places / passed.count as f64));
             let at = place.map(|place| swept.room_from_blade.inverse_transform_point(&place).coords);
-            let (before, moved) = (resistance.work(), swept.sweep.moved());
-            resistance.step(self.toughness * passed.area, at, &(moved / scale), self.length);
+            let (before, moved) = (resistance.work(), swept.sweep.moved() / scale);
+            resistance.step(self.toughness * passed.area, at, &moved, self.length);
             if self.is_heard {
                 let place = swept.room_from_blade * Point3::from(*resistance.at());
                 let done = resistance.work() - before;

@@ -57,11 +57,11 @@ pub fn apply(sheet: &mut Sheet, moduli: &Moduli) {
 }
 
 /// Gives the shell the moduli with which it is nearest to S, and returns its distance from S: the root mean square of the
-/// relative errors of all motions. A body with one control element, which resists nothing, has moduli of 1 Pa.
+/// relative errors of all motions. Where S resists no motion, that is not known, and not a number.
 pub fn fit(sheet: &mut Sheet, origins: &[Vector3<f64>], stiffness: &DMatrix<f64>) -> (Moduli, f64) {
     let mut moduli = [1.0; 4];
     apply(sheet, &moduli);
-    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size) else { return (moduli, 0.0) };
+    let Some(whitened) = whitened(stiffness, origins.len(), sheet.size) else { return (moduli, f64::NAN) };
     let count = whitened.ncols();
     let target = DMatrix::identity(count, count);
     let mut off = f64::INFINITY;

@@ -78,6 +78,7 @@ impl Plate {
         let stiffness = (input.table)(STIFFNESS.name)
             .ok_or("model \"plate\" needs the handle stiffness of the .green file")?;
         let origins: Vec<Vector3<f64>> = input.controls.iter().map(|control| control.origin).collect();
+        check_count(origins.len()).map_err(unsuited)?;
         let held: Vec<Vec<u32>> = (0..origins.len()).map(|e| (input.control_nodes)(e)).collect();
         let (middle, mut sheet) = unfitted(input, &origins, &held).map_err(unsuited)?;
         let (moduli, off) = constants::fit(&mut sheet, &origins, &stiffness);
@@ -266,8 +267,19 @@ fn unfitted(
     Ok((middle, sheet))
 }
 
+/// Refuses a body whose S cannot tell how stiff the shell is.
+fn check_count(controls: usize) -> Result<(), String> {
+    if controls < 2 {
+        return Err(format!(
+            "its shell gets its stiffness from two or more control elements moved against each other; it has {controls}"
+        ));
+    }
+    Ok(())
+}
+
 /// Refuses a body that is not thin, by its surface alone.
 fn fits(body: &Prepared) -> Result<(), (Severity, String)> {
+    check_count(body.controls.len()).map_err(|why| (Severity::Error, unsuited(why)))?;
     let surface = Surface::from_mesh(&body.mesh);
     let nodes: Vec<Vector3<f64>> = surface.nodes.iter().map(|&node| body.mesh.nodes[node as usize]).collect();
     let place = |node: &u32| surface.nodes.binary_search(node).ok().map(|place| nodes[place]);

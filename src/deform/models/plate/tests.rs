@@ -240,6 +240,13 @@ fn a_body_that_is_no_plate_is_refused() {
         .map(drop)
         .unwrap_err();
     assert!(error.contains("lies over itself"), "{error}");
+    let text = TEXT.replace("GENERATE", FINE).replace("ELEMENT", "tet10");
+    let (held, _) = text.split_once("control.b").unwrap();
+    let scene = Scene::parse(held, Path::new("held.toml")).unwrap();
+    let (_, why) = (ENTRY.fits.unwrap())(&green::prepare(&scene, "b").unwrap()).unwrap_err();
+    assert!(why.contains("it has 1") && why.contains("rotation"), "{why}");
+    let error = model_of(&ENTRY, &solve(&scene)).map(drop).unwrap_err();
+    assert!(error.contains("it has 1"), "{error}");
 }
 
 /// A piece of a cylinder's wall: the middle surface and the thickness across it.

@@ -139,7 +139,7 @@ impl Reduced {
             Some(loads) => {
                 let m = self.posed.mean();
                 loads.find(m);
-                self.body.settle(y, Some(&mut loads.burden))? + loads.beside(m)
+                self.body.settle(y, Some(&mut loads.burden))? + loads.beside(m, &self.posed.common())
             }
         };
         self.poses.extend_from_slice(poses);
@@ -164,7 +164,10 @@ impl DeformationModel for Reduced {
         let found = self.settle(poses);
         let (body, posed) = (&self.body, &mut self.posed);
         let loads = self.loads.as_ref().filter(|loads| !loads.is_none);
-        let by_mean = loads.map(|loads| -loads.by_frame(posed.mean(), body.z()));
+        let by_mean = loads.map(|loads| {
+            let m = posed.mean();
+            ByMean { motion: -loads.by_frame(m, &posed.common(), body.z()), common: -loads.by_common(m) }
+        });
         let own = &mut self.slopes;
         let found = found.and_then(|()| posed.pull_back(poses, &|k| body.slope(k), (None, by_mean), own));
         slopes.copy_from_slice(&self.slopes);
@@ -235,6 +238,13 @@ impl DeformationModel for Reduced {
         self.poses.clear();
         self.posed.set_turn(e, turn);
     }
+}
+
+/// ∂V by a motion of m in its own axes, and by c̄, where V depends on them beside y.
+#[derive(Default)]
+pub struct ByMean {
+    pub motion: Vector6<f64>,
+    pub common: Vector3<f64>,
 }
 
 pub struct Posed {
@@ -316,6 +326,12 @@ impl Posed {
         self.coefficients.as_slice()
     }
 
+    /// c̄, the mean translation of the elements in c, which y leaves out.
+    pub fn common(&self) -> Vector3<f64> {
+        let own = |e: usize| Vector3::from_column_slice(&self.coefficients.as_slice()[FIELDS * e..][..3]);
+        (0..self.elements()).map(own).sum::<Vector3<f64>>() / self.elements().max(1) as f64
+    }
+
     /// The surface stands about the body's centre, m about ō.
     pub fn body_from_surface(&self) -> Isometry3<f64> {
         let mean = &self.mean.body_from_mean;
@@ -332,23 +348,28 @@ impl Posed {
         &self.mean.body_from_mean
     }
 
-    /// ∂V by the poses that were taken, from that by each y and, where V depends on them too, by each ξ_e, and by a motion of m in its
-    /// own axes with all of these held.
+    /// ∂V by the poses that were taken, from that by each y and, where V depends on them too, by each ξ_e, and by m and c̄ with all
+    /// of these held.
     pub fn pull_back(
         &mut self,
         poses: &[ControlPose],
         by_coordinate: &dyn Fn(usize) -> f64,
-        (by_screw, by_mean): (Option<&[Vector6<f64>]>, Option<Vector6<f64>>),
+        (by_screw, by_mean): (Option<&[Vector6<f64>]>, Option<ByMean>),
         slopes: &mut [PoseSlope],
     ) -> Option<()> {
         for (k, slope) in self.by_coordinates.iter_mut().enumerate() {
             *slope = by_coordinate(k);
         }
         self.forces.gemv(1.0, &self.lift.columns, &self.by_coordinates, 0.0);
+        let by_mean = by_mean.unwrap_or_default();
+        let part = by_mean.common / self.elements().max(1) as f64;
+        for own in self.forces.as_mut_slice().chunks_exact_mut(FIELDS) {
+            own.iter_mut().zip(part.iter()).for_each(|(own, part)| *own += part);
+        }
         let rotation = self.mean.body_from_mean.rotation.to_rotation_matrix();
         let mean_from_body = self.mean.body_from_mean.inverse();
         // ∂V by a motion of m, in its own axes.
-        let mut common = by_mean.unwrap_or_default();
+        let mut common = by_mean.motion;
         let forces = &self.forces;
         let held = |e: usize| {
             let own = &forces.as_slice()[FIELDS * e..FIELDS * (e + 1)];
