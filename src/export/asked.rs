@@ -4,7 +4,7 @@
 use crate::base::failure::Failure;
 use crate::config::unknown_name;
 use crate::deform::pose_file::{Pose, PoseLoads};
-use crate::deform::{ControlPoses, Deformer, Freedom, Way, pose_file};
+use crate::deform::{ControlPose, ControlPoses, Deformer, Freedom, Way, pose_file};
 use crate::green::STIFFNESS;
 use crate::prepare::Resolved;
 use std::path::{Path, PathBuf};
@@ -91,8 +91,12 @@ pub(super) fn lead(
         lead(before, all, None, body);
         body.evaluate(&before.control);
     }
-    let ways: Vec<Way> =
-        before.control.iter().zip(&asked.control).map(|(from, to)| Way::onwards(from, to)).collect();
+    go(&before.control, &asked.control, body);
+}
+
+/// Leads the body from one pose nearly to another.
+pub(super) fn go(from: &[ControlPose], to: &[ControlPose], body: &mut Deformer) {
+    let ways: Vec<Way> = from.iter().zip(to).map(|(from, to)| Way::onwards(from, to)).collect();
     for step in 1..STEPS {
         let share = step as f64 / STEPS as f64;
         let between: ControlPoses = ways.iter().map(|way| way.pose(share)).collect();

@@ -1,6 +1,6 @@
 //! Poses of `deform` on their way from rest: those whose free control elements are found, and where a material first yields.
 
-use super::asked::{PoseRequest, lead};
+use super::asked::{PoseRequest, go, lead};
 use super::result_set::{MissedPose, StressResult};
 use super::told::FirstYield;
 use crate::base::extent::extent;
@@ -65,6 +65,12 @@ fn find(
 fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a {
     |poses| {
         body.take(poses);
+        if body.balance().is_none() {
+            // The state before them may be one from which these poses cannot be reached.
+            body.forget();
+            go(&vec![ControlPose::REST; poses.len()], poses, body);
+            body.take(poses);
+        }
         body.balance().ok_or_else(|| "the model has no forces in such a pose".to_owned())
     }
 }

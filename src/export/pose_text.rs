@@ -339,6 +339,7 @@ fn sureness(result: &PoseResult) -> Vec<String> {
     }
     match &result.told.error {
         Sureness::Unknown(why) => vec![format!("force error unknown: {why}")],
+        Sureness::Measured(error) if error.force == 0.0 && error.moment == 0.0 => Vec::new(),
         Sureness::Measured(error) => {
             let name = result.told.model.name;
             let how = match error.parts {

@@ -53,7 +53,7 @@ pub struct WrenchError {
     pub is_whole: bool,
     /// The larger of both, as a part of the largest force, or torque over the length.
     pub part: f64,
-    /// The parts of it that are the model's and the mesh's, where each is known alone.
+    /// The parts of it that are the model's and the mesh's, where it is their sum.
     pub parts: [Option<f64>; 2],
 }
 
@@ -115,7 +115,10 @@ pub fn wrench_error_of(
         moment: of_moment * size * length,
         is_whole,
         part: of_force.max(of_moment),
-        parts: [of_model.map(|[force, moment]| force.max(moment)), mesh],
+        parts: match whole {
+            Some(_) => [None; 2],
+            None => [of_model.map(|[force, moment]| force.max(moment)), mesh],
+        },
     })
 }
 

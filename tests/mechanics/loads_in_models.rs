@@ -230,37 +230,43 @@ fn forces_of_a_loaded_model_are_the_slopes_of_its_energy() {
 /// end bent by 30°, in shape and then in the forces and moments on the ends. The printed rows are the manual's.
 #[test]
 fn loads_under_each_model_come_near_the_full_solve() {
-    for model in MODELS {
-        let (scene, mut online) = body(model.name, model.loads);
-        let part = part(model.name);
-        let law = if model.law().is_some() { &STVK } else { model.large_strain_law() };
-        let rows = LOADS.map(|of| {
-            let mut error = |size: f64, poses: &ControlPoses| {
-                let both = [load(&online, &of, size), AppliedLoads::default()];
-                let own = both.each_ref().map(|load| answer_of(&mut online, load, poses));
-                let full = both.each_ref().map(|load| {
-                    let settled = solve(&scene, law, &online, load, poses);
-                    answer(on_surface(&settled, &online), &settled.wrenches)
-                });
-                let [own, full] = [own, full].map(|[with, without]| {
-                    let done = |k: usize| -> Vec<V3> {
-                        with[k].iter().zip(&without[k]).map(|(with, without)| with - without).collect()
-                    };
-                    [0, 1, 2].map(done)
-                });
-                [0, 1, 2].map(|k| 100.0 * apart(&own[k], &full[k]) / largest(full[k].iter().copied()))
-            };
-            let rest = vec![ControlPose::REST; 2];
-            let [small, ..] = error(0.01 * part, &rest);
-            let [all, ..] = error(part, &rest);
-            let [bent, force, moment] = error(part, &bend(30.0));
-            [small, all, bent, force, moment]
-        });
-        let cells = rows.map(|row| row.map(|error| format!("{error:.2}")).join(" / "));
-        println!("| `{}` | {} |", model.name, cells.join(" | "));
-        for ((of, row), known) in LOADS.iter().zip(rows).zip(known(model.name)) {
+    let measured: Vec<_> = MODELS
+        .iter()
+        .map(|model| {
+            let (scene, mut online) = body(model.name, model.loads);
+            let part = part(model.name);
+            let law = if model.law().is_some() { &STVK } else { model.large_strain_law() };
+            let rows = LOADS.map(|of| {
+                let mut error = |size: f64, poses: &ControlPoses| {
+                    let both = [load(&online, &of, size), AppliedLoads::default()];
+                    let own = both.each_ref().map(|load| answer_of(&mut online, load, poses));
+                    let full = both.each_ref().map(|load| {
+                        let settled = solve(&scene, law, &online, load, poses);
+                        answer(on_surface(&settled, &online), &settled.wrenches)
+                    });
+                    let [own, full] = [own, full].map(|[with, without]| {
+                        let done = |k: usize| -> Vec<V3> {
+                            with[k].iter().zip(&without[k]).map(|(with, without)| with - without).collect()
+                        };
+                        [0, 1, 2].map(done)
+                    });
+                    [0, 1, 2].map(|k| 100.0 * apart(&own[k], &full[k]) / largest(full[k].iter().copied()))
+                };
+                let rest = vec![ControlPose::REST; 2];
+                let [small, ..] = error(0.01 * part, &rest);
+                let [all, ..] = error(part, &rest);
+                let [bent, force, moment] = error(part, &bend(30.0));
+                [small, all, bent, force, moment]
+            });
+            let cells = rows.map(|row| row.map(|error| format!("{error:.2}")).join(" / "));
+            println!("| `{}` | {} |", model.name, cells.join(" | "));
+            (model.name, rows)
+        })
+        .collect();
+    for (model, rows) in measured {
+        for ((of, row), known) in LOADS.iter().zip(rows).zip(known(model)) {
             for (found, known) in row.iter().zip(known) {
-                assert!(*found < 1.1 * known + 0.02, "{} {}: {row:?}", model.name, of.0);
+                assert!(*found < 1.1 * known + 0.02, "{model} {}: {row:?}", of.0);
             }
         }
     }
@@ -278,59 +284,59 @@ fn answer(displacements: Vec<V3>, wrenches: &[Wrench]) -> [Vec<V3>; 3] {
 }
 
 /// The errors of the test's rows as they were measured, %, for gravity, warmth, pressure and a force at a point. `linear` and `rotation`
-/// have what loads do at rest, and `perturbation` to first order in both loads and motion, so that the last two grow with the angle; a body
+/// have what loads do at rest, and `perturbation` to first order in both loads and motion, so that the last three grow with the angle; a body
 /// that has loads in its equilibrium keeps the error of its fields, sections or parts. Models without a compliance miss the dimple under
 /// a point.
 #[allow(clippy::approx_constant, reason = "a measured percentage, not a circle")]
 fn known(model: &str) -> [[f64; 5]; 4] {
     match model {
         "linear" => [
-            [0.00, 0.50, 31.69, 35.38, 0.00],
-            [0.01, 0.74, 82.90, 33.75, 0.00],
-            [0.01, 0.50, 29.51, 66.30, 0.00],
-            [0.00, 0.29, 24.37, 51.20, 0.00],
+            [0.00, 0.50, 31.69, 35.38, 33.64],
+            [0.01, 0.74, 82.90, 33.75, 56.75],
+            [0.01, 0.50, 29.51, 66.30, 21.28],
+            [0.00, 0.29, 24.37, 51.20, 37.84],
         ],
         "rotation" => [
-            [0.00, 0.50, 17.03, 35.37, 0.00],
-            [0.01, 0.74, 83.26, 18.25, 0.00],
-            [0.01, 0.50, 12.08, 42.84, 0.00],
-            [0.00, 0.29, 9.62, 51.11, 0.00],
+            [0.00, 0.50, 17.03, 35.37, 31.56],
+            [0.01, 0.74, 83.26, 18.25, 51.80],
+            [0.01, 0.50, 12.08, 42.84, 42.93],
+            [0.00, 0.29, 9.62, 51.11, 34.57],
         ],
         "perturbation" => [
-            [0.00, 0.50, 17.03, 11.88, 0.00],
-            [0.01, 0.74, 83.26, 0.92, 0.00],
-            [0.01, 0.50, 12.08, 13.24, 0.00],
-            [9.18, 9.41, 10.84, 9.81, 0.00],
+            [0.00, 0.50, 17.03, 1.29, 1.79],
+            [0.01, 0.74, 83.26, 0.92, 3.77],
+            [0.01, 0.50, 12.08, 1.34, 2.16],
+            [8.48, 8.72, 10.79, 1.36, 0.86],
         ],
         "reduced" => [
-            [0.00, 0.05, 0.23, 10.64, 0.00],
-            [0.00, 0.26, 0.78, 0.01, 0.00],
-            [0.00, 0.02, 0.20, 11.90, 0.00],
-            [9.18, 9.25, 10.72, 8.52, 0.00],
+            [0.00, 0.04, 0.21, 0.00, 0.00],
+            [0.00, 0.29, 0.66, 0.01, 0.01],
+            [0.00, 0.02, 0.16, 0.00, 0.00],
+            [8.48, 8.57, 10.08, 0.03, 0.06],
         ],
         "reduced_neo_hookean" => [
-            [0.00, 0.05, 0.53, 10.64, 0.00],
-            [0.01, 1.16, 0.73, 0.01, 0.00],
-            [0.00, 0.03, 0.36, 11.90, 0.00],
-            [11.46, 11.53, 13.30, 8.44, 0.00],
+            [0.00, 0.05, 0.25, 0.00, 0.01],
+            [0.01, 0.75, 0.73, 0.02, 0.02],
+            [0.00, 0.03, 0.33, 0.00, 0.01],
+            [10.40, 10.45, 11.94, 0.01, 0.05],
         ],
         "substructured" => [
-            [1.14, 1.15, 1.21, 0.19, 0.00],
-            [12.04, 11.87, 3.38, 2.84, 0.00],
-            [2.66, 2.77, 3.31, 0.44, 0.00],
-            [16.25, 16.49, 18.54, 0.62, 0.00],
+            [1.14, 1.15, 1.22, 0.19, 0.37],
+            [12.04, 11.87, 3.38, 2.84, 6.56],
+            [2.66, 2.77, 3.32, 0.44, 0.85],
+            [16.25, 16.49, 18.54, 0.62, 0.82],
         ],
         "rod" => [
-            [0.42, 0.45, 1.65, 0.40, 0.00],
-            [0.01, 0.74, 2.52, 2.06, 0.00],
-            [1.70, 1.76, 2.93, 0.42, 0.00],
-            [6.21, 6.33, 9.22, 1.08, 0.00],
+            [0.42, 0.45, 1.65, 0.40, 0.37],
+            [0.01, 0.74, 2.52, 2.06, 4.94],
+            [1.70, 1.76, 2.93, 0.42, 0.66],
+            [6.21, 6.33, 9.22, 1.08, 1.12],
         ],
         "plate" => [
-            [5.98, 5.69, 5.18, 1.41, 0.00],
-            [32.06, 31.60, 6.74, 6.28, 0.00],
-            [6.00, 4.71, 5.86, 2.70, 0.00],
-            [9.90, 9.78, 12.16, 2.30, 0.00],
+            [5.98, 5.69, 5.18, 1.41, 0.95],
+            [32.06, 31.60, 6.74, 6.28, 6.09],
+            [6.00, 4.71, 5.86, 2.70, 2.41],
+            [9.90, 9.78, 12.16, 2.30, 3.78],
         ],
         "stvk" => [
             [0.00, 0.00, 0.00, 0.00, 0.00],
@@ -339,16 +345,16 @@ fn known(model: &str) -> [[f64; 5]; 4] {
             [0.00, 0.00, 0.00, 0.00, 0.00],
         ],
         "neo_hookean" => [
-            [0.00, 0.18, 1.95, 0.40, 0.00],
-            [0.03, 3.32, 2.49, 2.44, 0.00],
-            [0.00, 0.19, 1.43, 0.02, 0.00],
-            [0.00, 0.04, 1.56, 0.63, 0.00],
+            [0.00, 0.18, 1.95, 0.40, 1.21],
+            [0.03, 3.32, 2.49, 2.44, 4.42],
+            [0.00, 0.19, 1.43, 0.02, 1.72],
+            [0.00, 0.04, 1.56, 0.63, 2.08],
         ],
         "corotational" => [
-            [0.00, 0.17, 1.45, 0.43, 0.00],
-            [0.00, 0.33, 1.33, 3.13, 0.00],
-            [0.00, 0.14, 1.31, 0.37, 0.00],
-            [0.00, 0.05, 1.07, 0.24, 0.00],
+            [0.00, 0.17, 1.45, 0.43, 1.14],
+            [0.00, 0.33, 1.33, 3.13, 5.29],
+            [0.00, 0.14, 1.31, 0.37, 1.59],
+            [0.00, 0.05, 1.07, 0.24, 1.63],
         ],
         _ => panic!("{model} was not measured"),
     }

@@ -158,7 +158,7 @@ impl Deformer {
             normals: vec![[0.0; 3]; nodes],
             times: FrameTimes::default(),
             version: 0,
-            has_path: model.memory() != ModelMemory::default(),
+            has_path: !entry.is_linear() && model.memory() != ModelMemory::default(),
             path: BodyPath::default(),
             homecomings: 0,
             model,

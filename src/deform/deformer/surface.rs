@@ -143,12 +143,21 @@ impl Deformer {
     /// f64, m.
     pub fn places_in_state(&self, nodes: impl Iterator<Item = u32>) -> Vec<Vector3<f64>> {
         let groups = self.groups();
-        nodes.map(|node| self.place_by(&groups, node as usize)).collect()
+        nodes.map(|node| self.place_by(&groups, node as usize, &self.state.coefficients)).collect()
     }
 
-    fn place_by(&self, groups: &[ColumnGroup<'_>], i: usize) -> Vector3<f64> {
+    /// Displacements of all surface nodes in that state by the model alone, without what the columns of effects add; body's frame, f64, m.
+    pub fn displacements_of_model(&self) -> Vec<Vector3<f64>> {
+        let (groups, mut coefficients) = (self.groups(), self.state.coefficients.clone());
+        let of_model = coefficients.len() - self.contribution.coefficients.len();
+        coefficients[of_model..].fill(0.0);
+        let rest = self.rest().iter().map(|x| Vector3::from(*x).cast::<f64>());
+        rest.enumerate().map(|(i, rest)| self.place_by(&groups, i, &coefficients) - rest).collect()
+    }
+
+    fn place_by(&self, groups: &[ColumnGroup<'_>], i: usize, coefficients: &[f64]) -> Vector3<f64> {
         let mut place = Vector3::from(self.rest()[i]).cast::<f64>();
-        place += displacement(groups, self.u.len(), i, &self.state.coefficients);
+        place += displacement(groups, self.u.len(), i, coefficients);
         if let Some(field) = self.model.field() {
             place += Vector3::from(field[i]).cast::<f64>();
         }

@@ -12,7 +12,7 @@ use crate::green::{GreenFile, LOAD_COMPLIANCE, REACTION, VOLUME, Volume};
 use crate::mesh::split::CutEdges;
 use crate::world::World;
 use crate::world::dissipation::Dissipation;
-use nalgebra::{Point3, Similarity3, Vector3};
+use nalgebra::{Isometry3, Point3, Similarity3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -46,6 +46,8 @@ pub struct CutBody {
     pub(super) undone: Vec<Edges>,
     /// Pieces that have fallen off.
     pub(super) fallen: Vec<Fallen>,
+    /// Where the body stood when they moved last.
+    pub(super) stood: Option<Similarity3<f64>>,
     pub is_felt: bool,
     /// Whether it is heard, and the work of the blades in the frame if it is.
     pub is_heard: bool,
@@ -134,6 +136,7 @@ impl CutBody {
             strokes: Vec::new(),
             undone: Vec::new(),
             fallen: Vec::new(),
+            stood: None,
             seen: None,
             placed: None,
             remade: None,
@@ -324,6 +327,18 @@ impl CutBody {
         }
         self.fallen.append(&mut pieces);
         Ok(())
+    }
+
+    /// Carries the pieces along where the body stands elsewhere now, as navigation has it: with it and as large as it.
+    pub fn follow(&mut self, room_from_body: &Similarity3<f64>) {
+        let stood = self.stood.replace(*room_from_body).filter(|stood| stood != room_from_body);
+        let Some(stood) = stood else { return };
+        let of = |place: &Similarity3<f64>| {
+            let shift = place.isometry.translation.vector / place.scaling();
+            Isometry3::from_parts(shift.into(), place.isometry.rotation)
+        };
+        let by = of(room_from_body) * of(&stood).inverse();
+        self.fallen.iter_mut().for_each(|piece| piece.motion = piece.motion.carried(&by));
     }
 
     /// Moves the pieces that have fallen off on by a frame.

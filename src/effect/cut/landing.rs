@@ -49,6 +49,12 @@ impl Motion {
         Motion { pose, velocity: V3::zeros(), spin: V3::zeros() }
     }
 
+    /// The same motion of a body that another motion has carried along.
+    pub fn carried(&self, by: &Isometry3<f64>) -> Motion {
+        let (velocity, spin) = (by.rotation * self.velocity, by.rotation * self.spin);
+        Motion { pose: by * self.pose, velocity, spin }
+    }
+
     /// The even motion that reaches a pose in this time.
     fn towards(&self, pose: &Isometry3<f64>, time_s: f64) -> Motion {
         let way = pose.translation.vector - self.pose.translation.vector;

@@ -76,6 +76,34 @@ fn what_falls_off_lands_on_the_floor() {
     }
 }
 
+/// Where the scene is scaled a piece stays where it was beside the body, in a world that takes the state meanwhile too.
+#[test]
+fn a_piece_follows_the_scene() {
+    let scene = parsed(&text(ONE, "", "").replace("1.0e5", "1.0e12")).unwrap();
+    let file = file_of(&scene).unwrap();
+    let mut first = Operated::new(&scene, &file);
+    let away = V3::new(0.3, 0.2, -0.1);
+    first.pass(V3::new(0.011, 0.08, -0.1), V3::new(0.011, -0.08, -0.1), 16);
+    first.put(away);
+    let in_body = |operated: &Operated| {
+        let room_from_body = operated.world.bodies[0].room_from_body;
+        (room_from_body.inverse() * nalgebra::Point3::from(operated.pieces()[0])).coords
+    };
+    let before = in_body(&first);
+    let state = serde_json::to_string(&first.world.state().unwrap()).unwrap();
+    let mut second = Operated::new(&scene, &file);
+    second.world.set_state(&serde_json::from_str(&state).unwrap()).unwrap();
+    second.frame = first.frame;
+    for operated in [&mut first, &mut second] {
+        operated.act(Action::ScaleScene(0.5), away);
+        operated.put(away);
+        let (scale, off) =
+            (operated.world.bodies[0].room_from_body.scaling(), (in_body(operated) - before).norm());
+        println!("scale {scale}: {off:e} m off");
+        assert!(scale < 0.6 && off < 1e-6, "{scale}: {off}");
+    }
+}
+
 /// A hand takes the piece that its ray hits, carries it, presses it onto the floor, which stops it, and throws it: it flies on with the hand's
 /// speed. A world that takes the state while it is carried goes on with the same bits.
 #[test]

@@ -8,6 +8,7 @@ use super::landing::Motion;
 use super::opening::{CutStep, Edges, From, Opening, Renewal};
 use super::resistance::Resistance;
 use crate::mesh::split::{CutEdges, Split, TetCorner};
+use nalgebra::Similarity3;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -22,6 +23,8 @@ pub struct BodyMemory {
     strokes: Vec<usize>,
     undone: Vec<Edges>,
     fallen: Vec<Piece>,
+    #[serde(default, with = "crate::field::numbers::option")]
+    stood: Option<Similarity3<f64>>,
     resistances: Vec<Resistance>,
     seen: Option<Seen>,
 }
@@ -74,6 +77,7 @@ impl CutBody {
                 .iter()
                 .map(|piece| Piece { corner: piece.corner, motion: piece.motion })
                 .collect(),
+            stood: self.stood,
             resistances: self.resistances.clone(),
             seen: self.seen.clone(),
         }
@@ -82,6 +86,7 @@ impl CutBody {
     /// Goes on from a memory. After an error the body is whole.
     pub fn restore(&mut self, memory: BodyMemory) -> Result<(), String> {
         self.seen.clone_from(&memory.seen);
+        self.stood = memory.stood;
         if memory.resistances.len() != self.resistances.len() {
             return Err(format!("body.{}: its cuts take another toughness", self.whole.name));
         }

@@ -159,6 +159,7 @@ impl Cuts {
         let now_s = Some(*world.graph.get(world.fields.time)).filter(|now| now.is_finite());
         let dt_s = self.last_s.zip(now_s).map_or(0.0, |(last, now)| now - last);
         let poses: Vec<_> = self.tools.iter().map(|(tool, _)| tool.place.pose(world)).collect();
+        self.bodies.iter_mut().for_each(|body| body.follow(&world.bodies[body.b].room_from_body));
         let pieces = self.bodies.iter().enumerate().flat_map(|(number, body)| {
             let scale = world.bodies[body.b].room_from_body.scaling();
             body.fallen().iter().map(move |piece| ((number, piece.corner), piece.target(scale)))

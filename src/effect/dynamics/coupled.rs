@@ -29,6 +29,16 @@ impl Damping {
             }
         }
     }
+
+    /// Modes with these λ. One that nothing brings back, as in free flight, is not damped.
+    fn of_all(&self, squares: impl Iterator<Item = f64> + Clone) -> Vec<Oscillator> {
+        let least = LOOSE * squares.clone().fold(0.0, f64::max);
+        let of = |square: f64| match square.abs() > least {
+            true => self.of(square),
+            false => Oscillator { square, decay: 0.0 },
+        };
+        squares.map(of).collect()
+    }
 }
 
 /// z and ż.
@@ -90,7 +100,7 @@ impl Coupled {
             shapes *= DMatrix::identity(count, count) * 1.5 - unit * 0.5;
         }
         let amplitudes = shapes.transpose() * mass;
-        let modes = order.iter().map(|&k| damping.of(squares[k].max(0.0))).collect();
+        let modes = damping.of_all(order.iter().map(|&k| squares[k].max(0.0)));
         Coupled { modes, shapes, amplitudes }
     }
 
@@ -98,7 +108,7 @@ impl Coupled {
     pub fn with_stiffness(&self, stiffness: &DMatrix<f64>, damping: Damping) -> Coupled {
         let seen = self.shapes.tr_mul(&(stiffness * &self.shapes));
         let (squares, vectors) = eigen((&seen + seen.transpose()) * 0.5);
-        let modes = squares.iter().map(|square| damping.of(*square)).collect();
+        let modes = damping.of_all(squares.iter().copied());
         Coupled { modes, shapes: &self.shapes * &vectors, amplitudes: vectors.tr_mul(&self.amplitudes) }
     }
 
@@ -221,6 +231,20 @@ mod tests {
         }
         let drift = energy(&at) / before - 1.0;
         assert!(drift.abs() < 1e-9, "{drift:e}");
+    }
+
+    /// α damps what swings: a mode without stiffness goes by f t²/2, one with stiffness is damped by exp(-α t/2).
+    #[test]
+    fn free_flight_is_not_damped() {
+        let stiffness = DMatrix::from_diagonal(&DVector::from_vec(vec![0.0, 900.0]));
+        let coupled = Coupled::new(&DMatrix::identity(2, 2), &stiffness, Damping::Rayleigh([40.0, 0.0]));
+        let loads = StepLoads { load: DVector::from_vec(vec![9.8, 0.0]), ..StepLoads::none(2) };
+        let from = Phase { place: DVector::from_vec(vec![0.0, 1.0]), speed: DVector::zeros(2) };
+        let at = coupled.advanced(&from, &loads, 0.5);
+        assert!((at.place[0] - 0.5 * 9.8 * 0.25).abs() < 1e-14, "{}", at.place[0]);
+        let (decay, turned) = (20.0_f64, 500.0_f64.sqrt());
+        let swung = (-0.5 * decay).exp() * ((0.5 * turned).cos() + decay / turned * (0.5 * turned).sin());
+        assert!((at.place[1] - swung).abs() < 1e-14, "{} {swung}", at.place[1]);
     }
 
     #[test]

@@ -152,7 +152,7 @@ impl WatchedBody {
             solving.ask(Question {
                 held: held(body),
                 turns: turns.iter().map(|turn| turn.quaternion).collect(),
-                shown: (0..deformer.node_count()).map(|node| deformer.displacement(node)).collect(),
+                by_model: deformer.displacements_of_model(),
             });
         }
     }

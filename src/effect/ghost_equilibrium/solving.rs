@@ -1,7 +1,7 @@
 //! A thread that solves static equilibria of one body, one after another.
 //!
-//! In: a [`Question`], poses and loads with the displacements that are shown of them. Out: an [`Answer`], the equilibrium of
-//! these very poses and loads by [`Statics`], and how far the shown surface is from it. The body's mesh is loaded when the first is asked.
+//! In: a [`Question`], poses and loads with the displacements that the model has of them. Out: an [`Answer`], the equilibrium of
+//! these very poses and loads by [`Statics`], and how far that surface is from it. The body's mesh is loaded when the first is asked.
 
 use crate::base::progress::Progress;
 use crate::deform::{
@@ -40,8 +40,8 @@ pub struct Question {
     pub held: PosedBody,
     /// Turn of each control element, up to 360°.
     pub turns: Vec<UnitQuaternion<f64>>,
-    /// Displacements of the surface nodes as they are shown, m.
-    pub shown: Vec<Vector3<f64>>,
+    /// Displacements of the surface nodes as the model has them, m: what an effect adds to them, such as a vibration, is no error of it.
+    pub by_model: Vec<Vector3<f64>>,
 }
 
 /// An equilibrium, or why there is none.
@@ -55,7 +55,7 @@ pub struct Answer {
 pub struct Solved {
     /// Displacements of the surface nodes, m.
     pub displacement: Vec<[f64; 3]>,
-    /// Distance of the surface nodes from where they were shown: the largest, and the root mean square, m.
+    /// Distance of the surface nodes from where the model has them: the largest, and the root mean square, m.
     pub largest_m: f64,
     pub rms_m: f64,
 }
@@ -122,10 +122,10 @@ impl Solving {
 
 fn run(subject: &Subject, questions: &Receiver<Question>, answers: &Sender<Answer>, share: &Share) {
     let mut statics: Option<Statics> = None;
-    for Question { held, turns, shown } in questions {
+    for Question { held, turns, by_model } in questions {
         let started = Instant::now();
         let result = solved(subject, &mut statics, &held, &turns, share);
-        let result = result.map(|displacement| compared(displacement, &shown));
+        let result = result.map(|displacement| compared(displacement, &by_model));
         let seconds = started.elapsed().as_secs_f64();
         if answers.send(Answer { held, result, seconds }).is_err() {
             return;
@@ -179,9 +179,9 @@ fn reason(error: &StaticsError) -> String {
     }
 }
 
-fn compared(displacement: Vec<[f64; 3]>, shown: &[Vector3<f64>]) -> Solved {
-    let apart = |(u, shown): (&[f64; 3], &Vector3<f64>)| (Vector3::from(*u) - shown).norm();
-    let apart: Vec<f64> = displacement.iter().zip(shown).map(apart).collect();
+fn compared(displacement: Vec<[f64; 3]>, by_model: &[Vector3<f64>]) -> Solved {
+    let apart = |(u, own): (&[f64; 3], &Vector3<f64>)| (Vector3::from(*u) - own).norm();
+    let apart: Vec<f64> = displacement.iter().zip(by_model).map(apart).collect();
     let squares: f64 = apart.iter().map(|apart| apart * apart).sum();
     let rms_m = (squares / apart.len().max(1) as f64).sqrt();
     Solved { displacement, largest_m: apart.into_iter().fold(0.0, f64::max), rms_m }

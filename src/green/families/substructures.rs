@@ -34,9 +34,9 @@ pub(super) const ENTRY: FamilyEntry = FamilyEntry {
     column_names: None,
 };
 
-fn suits(place: &str, body: &scene::Body, _: &Prepared) -> Result<(), GreenError> {
+fn suits(place: &str, body: &scene::Body, prepared: &Prepared) -> Result<(), GreenError> {
     let failed = |source| GreenError::Parts { body: place.to_owned(), source };
-    substructure::suits(body.element).map_err(failed)
+    substructure::suits(body.element, prepared.controls.len()).map_err(failed)
 }
 
 fn compute(

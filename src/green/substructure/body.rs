@@ -56,6 +56,11 @@ pub enum BodyError {
     #[error("model \"substructured\" needs linear tetrahedra, not {element}: write element = \"tet4\"")]
     Element { element: &'static str },
     #[error(
+        "model \"substructured\" cuts a body between its control elements, and it has one: loads would bend nothing. Write \
+         model = \"reduced\""
+    )]
+    OneControl,
+    #[error(
         "part {part} of {parts} has {ends} ends and {coordinates} coordinates, at most \
          {MOST_COORDINATES}: ask for more parts"
     )]
@@ -81,9 +86,12 @@ impl BodyError {
     }
 }
 
-/// Errors for an element that has no parts.
-pub fn suits(element: &'static Element) -> Result<(), BodyError> {
-    if *element == TET4 { Ok(()) } else { Err(BodyError::Element { element: element.name }) }
+/// Errors for an element that has no parts, and for a body that would be a single one.
+pub fn suits(element: &'static Element, controls: usize) -> Result<(), BodyError> {
+    if *element != TET4 {
+        return Err(BodyError::Element { element: element.name });
+    }
+    if controls < 2 { Err(BodyError::OneControl) } else { Ok(()) }
 }
 
 /// Pairs of coordinates grow with their square, and the fourth-order term with the square of that.
