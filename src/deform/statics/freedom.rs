@@ -40,6 +40,11 @@ const NOTHING: f64 = 1e-12;
 /// equilibrium is found to a tolerance: a thin strip resists being stretched (L/t)² times more than being bent.
 const TOLERANCE: f64 = 1e-8;
 const ROUGH: f64 = 1e-5;
+/// A step is taken where the next one, with the same slopes, is shorter by this: what bends little stretches a thin body to second order, so
+/// that forces grow before they fall (the natural monotonicity test; P. Deuflhard, Newton Methods for Nonlinear Problems, Springer
+/// 2004, section 3.1). It is halved at most so often.
+const NEARER: f64 = 0.9;
+const HALVINGS: i32 = 5;
 const ITERATIONS: usize = 30;
 /// The first part of the way, and the smallest.
 const FIRST_PART: f64 = 0.25;
@@ -200,12 +205,14 @@ impl<'a> Search<'a> {
             }
             // It stays where it is: the residual that is none is a part of it.
             let jacobian = self.jacobian.clone().unwrap_or_else(|| DMatrix::zeros(q.len(), q.len()));
-            let step = jacobian.clone().lu().solve(&-&now.r).filter(|_| !q.is_empty());
+            let factor = jacobian.clone().lu();
+            let step = factor.solve(&-&now.r).filter(|_| !q.is_empty());
             let mut found = None;
-            for halvings in 0..5 {
-                let Some(step) = step.as_ref().map(|step| step * 0.5f64.powi(halvings)) else { break };
+            for halvings in 0..HALVINGS {
+                let Some(whole) = &step else { break };
+                let step = whole * 0.5f64.powi(halvings);
                 if let Ok(next) = self.residual(share, &(&q + &step), of).map(|next| (step, next))
-                    && next.1.r.norm() < 0.9 * now.r.norm()
+                    && factor.solve(&next.1.r).is_some_and(|more| more.norm() < NEARER * whole.norm())
                 {
                     found = Some(next);
                     break;
@@ -353,6 +360,22 @@ mod tests {
         };
         let found = Search::new(&slides, 1.0, false, &way).follow(&mut strip).unwrap();
         assert!((found[0].translation.x + 0.6 * 0.09).abs() < 1e-9, "x = -0.6 w²: {found:?}");
+    }
+
+    /// The same strip, free along and pushed across: the first step stretches it, by a force 10⁴ times that which pushes.
+    #[test]
+    fn a_thin_body_gives_way_though_forces_grow_at_first() {
+        let mut strip = |poses: &[ControlPose]| {
+            let shift = poses[0].translation;
+            let along = 1e6 * (shift.x + 0.6 * shift.z * shift.z);
+            let force = Vector3::new(along, 0.0, shift.z + 1.2 * shift.z * along);
+            Ok(vec![Wrench { force, moment: Vector3::zeros() }])
+        };
+        let free = [true, false, true, false, false, false];
+        let slides = [Freedom { free, load: [0.0, 0.0, 0.3, 0.0, 0.0, 0.0] }];
+        let rest = |_: f64| vec![ControlPose::REST];
+        let found = Search::new(&slides, 1.0, false, &rest).follow(&mut strip).unwrap()[0].translation;
+        assert!((found.z - 0.3).abs() < 1e-6 && (found.x + 0.6 * 0.09).abs() < 1e-6, "{found}");
     }
 
     /// x³ - x has three places that 0.1 N holds; from that of 0.9 N one comes to the nearest.

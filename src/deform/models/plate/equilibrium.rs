@@ -19,7 +19,7 @@ use crate::solve::minimise::{Energy, Step, factorise, minimise};
 const CONVERGED: f64 = 1e-9;
 /// Limit of the same kind on the next iteration with the factor of an earlier state, where each iteration wins at most `COASTS`
 /// of the one before.
-const COASTED: f64 = 1e-14;
+const COASTED: f64 = 1e-17;
 const COASTS: f64 = 0.5;
 /// Multiple of the energy that counts as none: below this part of it, rounding errors of thin shells begin.
 const ROUNDED: f64 = 1e3;
