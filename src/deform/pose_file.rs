@@ -1,11 +1,10 @@
 //! The pose file of `greenstage deform`: `[[pose]]` tables in TOML.
 
-use super::loads::pose_loads::LARGEST;
 pub use super::loads::pose_loads::{PointForce, PoseLoads};
 use super::{COMPONENTS, ControlPose, ControlPoses, Freedom, ModelEntry, Screw};
 use crate::base::failure::Failure;
 use crate::config;
-use crate::scene::{Body, LoadValue, Updates};
+use crate::scene::{Body, LARGEST_NUMBER, LoadValue, Updates};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -155,8 +154,8 @@ impl Affine {
                 ));
             }
         }
-        if !load.iter().all(|value| value.abs() <= LARGEST) {
-            return Err(format!("a force is not finite, or above {LARGEST:e}"));
+        if !load.iter().all(|value| value.abs() <= LARGEST_NUMBER) {
+            return Err(format!("a force is not finite, or above {LARGEST_NUMBER:e}"));
         }
         if free[3..] == [true; 3] && self.matrix() != identity() {
             return Err("its rotation is free, and found: leave the matrix out".to_owned());
@@ -257,8 +256,9 @@ pub fn control_poses(pose: &Pose, name: &str, body: &Body, path: &Path) -> Resul
                 matrix: Matrix3::from_fn(|i, j| m[i][j]),
             };
             let numbers = pose.translation.iter().chain(pose.matrix.iter());
-            if !numbers.into_iter().all(|value| value.abs() <= LARGEST) {
-                let message = format!("control {control}: a number is not finite, or above {LARGEST:e}");
+            if !numbers.into_iter().all(|value| value.abs() <= LARGEST_NUMBER) {
+                let message =
+                    format!("control {control}: a number is not finite, or above {LARGEST_NUMBER:e}");
                 return Err(entity(message));
             }
             Ok(pose)

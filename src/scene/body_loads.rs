@@ -10,6 +10,9 @@ use super::loads::{
 use super::{Body, Method, Nodes};
 use std::path::{Path, PathBuf};
 
+/// Largest number of a pose or load; what is summed must stay within single precision.
+pub const LARGEST_NUMBER: f64 = 1e15;
+
 impl Body {
     /// Gives its whole surface a compliance where the scene says nothing of one: by the factor, where the solver has one that can be
     /// kept.
@@ -27,6 +30,21 @@ impl Body {
     /// Takes back what [`Body::be_pressed`] added, so that another choice of effects does not keep it.
     pub fn forget_added(&mut self) {
         self.surface_compliance.take_if(|compliance| compliance.is_added);
+    }
+
+    /// The coefficients of a load's columns for numbers as pose files and scripts write them: rad/s of a centrifugal load, kelvins of
+    /// warmth. The error says what to write.
+    pub fn load_coefficients(&self, load: &LoadEntry<'_>, numbers: &[f64]) -> Result<Vec<f64>, String> {
+        let columns = load.source.columns();
+        if numbers.len() != columns || numbers.iter().any(|x| x.is_nan() || x.abs() > LARGEST_NUMBER) {
+            let what = if columns == 3 { "three finite numbers, [x, y, z]," } else { "one finite number" };
+            return Err(format!("write {what} of at most {LARGEST_NUMBER:e}"));
+        }
+        Ok(match load.source {
+            LoadSource::Centrifugal(_) => vec![numbers[0].powi(2)],
+            LoadSource::Thermal => vec![self.thermal.map_or(0.0, |thermal| thermal.expansion) * numbers[0]],
+            LoadSource::Gravity | LoadSource::Pattern(_) => numbers.to_vec(),
+        })
     }
 
     /// All its loads, in the order of their columns.

@@ -33,6 +33,7 @@ pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
+pub use body_loads::LARGEST_NUMBER;
 pub use direction::{DirectionField, DirectionFile};
 pub use error::SceneError;
 pub use limit::{LegendSettings, Limit, Quantity};

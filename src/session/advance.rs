@@ -119,15 +119,25 @@ impl Session {
         Ok(SessionProgress::Running)
     }
 
-    /// Turns the script's loads into commands, so that recordings contain them.
+    /// Turns the script's loads, in the units of pose files, into commands, so that recordings contain them.
     fn set_loads(&mut self, time_s: f64) {
         for (name, value) in self.input.loads(time_s) {
-            match self.world.load_named(&name) {
-                Some((body, column)) if self.world.load(body, column) != Some(value) => {
-                    self.act(Action::SetLoad { body, column, value });
+            let Some((body, column)) = self.world.load_named(&name) else {
+                self.warnings.push(format!("the script sets the load {name}, which no body has"));
+                continue;
+            };
+            let of_body = self.world.bodies[body].deformer.body.as_str();
+            let own = name.strip_prefix(&format!("{of_body}.")).unwrap_or(&name);
+            let settings = self.scene.as_ref().map(|scene| &scene.body[of_body]);
+            let entry = settings.and_then(|body| body.loads().into_iter().find(|load| load.name == own));
+            let coefficients =
+                entry.zip(settings).map(|(load, body)| body.load_coefficients(&load, &[value]));
+            match coefficients {
+                Some(Err(why)) => self.warnings.push(format!("the script sets the load {name}: {why}")),
+                Some(Ok(coefficients)) if self.world.load(body, column) != Some(coefficients[0]) => {
+                    self.act(Action::SetLoad { body, column, value: coefficients[0] });
                 }
-                Some(_) => {}
-                None => self.warnings.push(format!("the script sets the load {name}, which no body has")),
+                _ => {}
             }
         }
     }

@@ -4,7 +4,7 @@
 //! several steps into which the effect divides the frame. With r_ik the motion of node i in coordinate k and the weights w_k of a step, a
 //! force f at node j moves node i by Σ_k w_k r_ik r_jkᵀ f until its end, beyond what the columns of the compliance give.
 
-use crate::deform::{ControlPose, Deformer, PoseSlope};
+use crate::deform::{ControlPose, Deformer};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::ops::Range;
 
@@ -40,9 +40,8 @@ pub trait Inertia {
     /// Index in the world.
     fn body(&self) -> usize;
 
-    /// Begins the frame of a body that is acted upon by `acting`, ∂V/∂P of all but inertia and pressing forces; its length, s. `None` where
-    /// time does not go on.
-    fn begin(&mut self, coming: Coming, acting: Option<&[PoseSlope]>) -> Option<f64>;
+    /// Begins the frame of a body, given without inertia and pressing forces; its length, s. `None` where time does not go on.
+    fn begin(&mut self, coming: Coming, body: &Deformer) -> Option<f64>;
 
     /// Whether a control element moves by inertia in this frame.
     fn moves(&self, control: usize) -> bool;

@@ -8,6 +8,7 @@ use crate::deform::loads::{AppliedLoads, PointLoad, Pull};
 use crate::deform::model::{Bearing, BodyState, PointResult};
 use crate::deform::pose::frame::{PoseSlope, Wrench};
 use crate::green::{FIELDS, GreenError, LoadMeta, REACTION, Turning, Yield};
+use crate::scene::GRAVITY;
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -167,6 +168,18 @@ impl Deformer {
         let found = points.into_iter().zip(self.point_results());
         let points = found.map(|(point, found)| PointLoad { pull: Pull::Force(found.force), ..point });
         AppliedLoads { points: points.collect(), coefficients }
+    }
+
+    /// Whether nothing acts on it from outside but its weight.
+    pub fn bears_weight_alone(&self) -> bool {
+        let AppliedLoads { coefficients, points } = self.applied();
+        let mut rest = coefficients.as_slice();
+        let acts = |meta: &LoadMeta| {
+            let (own, others) = rest.split_at(meta.columns.min(rest.len()));
+            rest = others;
+            own.iter().any(|c| *c != 0.0) && meta.turning != Turning::Inner && meta.name != GRAVITY
+        };
+        points.is_empty() && !self.load_metas().iter().any(acts)
     }
 
     /// The coefficients of all load columns as they were summed last, in the frame of the columns; of a model that sums none, as

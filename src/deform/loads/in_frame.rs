@@ -19,7 +19,7 @@ use super::applied::{AppliedLoads, PointLoad, Pull, SharedLoads};
 use crate::deform::model::{ColumnsAt, LoadInput, ModelInput};
 use crate::deform::pose::frame::axial;
 use crate::green::{Lift, LoadMeta, REDUCED_LOADS, Turning, WARMTH};
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Vector3, Vector6};
 use std::collections::BTreeMap;
 use std::ops::AddAssign;
 
@@ -155,11 +155,11 @@ impl FrameForces {
         self.stored = 0.5 * self.burden.strain.powi(2) * self.whole * self.burden.share;
     }
 
-    /// Finds g in the frame m.
-    pub fn find(&mut self, m: &Isometry3<f64>) {
+    /// Finds g in the frame m, with the mean turn of the control elements, by which loads that follow the body turn.
+    pub fn find(&mut self, m: &Isometry3<f64>, mean: &Rotation3<f64>) {
         let rotation = m.rotation.to_rotation_matrix();
         for ((all, fixed), follows) in self.all.iter_mut().zip(&self.fixed).zip(&self.follows) {
-            *all = fixed + rotation * follows;
+            *all = fixed + mean * follows;
         }
         for (k, force) in self.burden.forces.iter_mut().enumerate() {
             *force = columns(&self.all, k).dot(rotation.matrix());

@@ -13,15 +13,12 @@ use crate::deform::model::ModelEntry;
 use crate::deform::statics::Statics;
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
-use crate::scene::{Body, LoadEntry, LoadSource, LoadValue};
+use crate::scene::{Body, LARGEST_NUMBER, LoadEntry, LoadSource, LoadValue};
 use nalgebra::{Rotation3, Vector3};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
 type V3 = Vector3<f64>;
-
-/// Largest number of a pose; what is summed must stay within single precision.
-pub const LARGEST: f64 = 1e15;
 
 /// A point force's place may be so far from the surface, as part of the body's radius.
 const FARTHEST: f64 = 0.02;
@@ -85,19 +82,8 @@ impl PoseLoads {
         let (mut written, mut coefficients) = (Vec::new(), Vec::new());
         for entry in &entries {
             let value = load.get(entry.name).copied().unwrap_or_else(|| as_in_scene(entry, body));
-            let (numbers, columns) = (value.numbers(), entry.source.columns());
-            if numbers.len() != columns || numbers.iter().any(|x| x.is_nan() || x.abs() > LARGEST) {
-                let what =
-                    if columns == 3 { "three finite numbers, [x, y, z]," } else { "one finite number" };
-                return Err(format!("load.{}: write {what} of at most {LARGEST:e}", entry.name));
-            }
-            match entry.source {
-                LoadSource::Centrifugal(_) => coefficients.push(numbers[0].powi(2)),
-                LoadSource::Thermal => {
-                    coefficients.push(body.thermal.map_or(0.0, |thermal| thermal.expansion) * numbers[0]);
-                }
-                LoadSource::Gravity | LoadSource::Pattern(_) => coefficients.extend(numbers),
-            }
+            let own = body.load_coefficients(entry, value.numbers());
+            coefficients.extend(own.map_err(|why| format!("load.{}: {why}", entry.name))?);
             written.push((entry.name.to_owned(), value));
         }
         Ok(PoseLoads { written, coefficients, ..PoseLoads::default() })
@@ -122,8 +108,8 @@ impl PoseLoads {
                 return Err(format!("{place}: name either at = [x, y, z] or node = TAG, one of the two"));
             }
             let mut numbers = force.at.iter().flatten().chain(&force.force);
-            if !numbers.all(|value| value.abs() <= LARGEST) {
-                return Err(format!("{place}: a number is not finite, or above {LARGEST:e}"));
+            if !numbers.all(|value| value.abs() <= LARGEST_NUMBER) {
+                return Err(format!("{place}: a number is not finite, or above {LARGEST_NUMBER:e}"));
             }
         }
         Ok(PoseLoads { forces, places, ..self })

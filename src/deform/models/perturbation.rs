@@ -135,7 +135,7 @@ impl Perturbation {
             loads.read();
         }
         self.posed.take(poses)?;
-        self.find_answers();
+        self.find_answers(poses);
         self.x = (self.posed.screw(1) - self.posed.screw(0)) * std::f64::consts::FRAC_1_SQRT_2;
         self.bend();
         let square = self.x.dot(&(self.radius * self.x));
@@ -146,11 +146,11 @@ impl Perturbation {
     }
 
     /// r.
-    fn find_answers(&mut self) {
+    fn find_answers(&mut self, poses: &[ControlPose]) {
         let Some(loads) = self.loads.as_mut().filter(|loads| !loads.is_none) else {
             return self.answers.fill(0.0);
         };
-        loads.find(self.posed.mean());
+        loads.find(self.posed.mean(), &self.posed.mean_turn(poses));
         let start = 1 + self.lift.rigid;
         for (i, answer) in self.answers.iter_mut().enumerate() {
             *answer = loads.burden.forces[start + i] + loads.push_of_warmth(start + i);

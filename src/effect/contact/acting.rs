@@ -38,7 +38,7 @@ pub fn take(
                 body.free.respond();
                 let poses = poses_of(world, body.b);
                 let carried = (0..poses.len()).map(|control| world.is_carried(body.b, control)).collect();
-                let begun = inertia.begin(Coming { time_s, poses, carried }, body.free.slopes());
+                let begun = inertia.begin(Coming { time_s, poses, carried }, &body.free);
                 frame_s = begun.or(frame_s);
                 if begun.is_none() {
                     let now = inertia.now();

@@ -152,11 +152,19 @@ impl Coupled {
         self.modes.iter().map(move |mode| mode.responses(dt_s).step[0])
     }
 
-    /// The factor of the speeds after a step of `dt_s` under loads of which the potential has risen by `raised`, J, with which the
-    /// kinetic energy at the end is that at the beginning less this and what damping takes; `None` where so much is not there.
-    pub fn balance(&self, [from, to]: [&Phase; 2], loads: &StepLoads, raised: f64, dt_s: f64) -> Option<f64> {
-        let before = &self.amplitudes * &from.speed + self.shapes.tr_mul(&loads.impulse);
-        let (after, carried) = (&self.amplitudes * &to.speed, &self.amplitudes * &loads.carried[0]);
+    /// The factor of the speeds against those of an even motion, `along`, after a step of `dt_s` under loads of which the potential has
+    /// risen by `raised`, J, seen from it, with which the kinetic energy at the end is that at the beginning less this and what
+    /// damping takes; `None` where so much is not there.
+    pub fn balance(
+        &self,
+        [from, to]: [&Phase; 2],
+        loads: &StepLoads,
+        (along, raised): (&DVector<f64>, f64),
+        dt_s: f64,
+    ) -> Option<f64> {
+        let before = &self.amplitudes * (&from.speed - along) + self.shapes.tr_mul(&loads.impulse);
+        let after = &self.amplitudes * (&to.speed - along);
+        let carried = &self.amplitudes * (&loads.carried[0] - along);
         let of = |k: usize| {
             let taken = -0.5 * (-2.0 * self.modes[k].decay * dt_s).exp_m1();
             taken * [&before, &after].map(|speed| (speed[k] - carried[k]) * speed[k]).iter().sum::<f64>()

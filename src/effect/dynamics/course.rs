@@ -20,9 +20,10 @@ impl Moving {
         &mut self,
         time_s: f64,
         (poses, held): (Vec<ControlPose>, &[bool]),
-        acting: Option<&[PoseSlope]>,
+        body: &Deformer,
     ) -> Option<f64> {
         let dt_s = self.time_to(time_s, &poses, held)?;
+        let acting = body.slopes();
         let system = self.system_of(&poses, acting.is_some());
         self.system = Some(system);
         self.course = Some(Course {
@@ -30,6 +31,7 @@ impl Moving {
             dt_s,
             start: self.motion.poses.clone(),
             acting: acting.unwrap_or_default().to_vec(),
+            is_weight_alone: body.bears_weight_alone(),
             share: 0.0,
             tried: None,
             slopes: vec![PoseSlope::default(); poses.len()],
@@ -97,8 +99,9 @@ impl Moving {
             let poses: Vec<ControlPose> = (0..course.poses.len()).map(goal).collect();
             let acting = self.acting(&course);
             let dt_s = (share - course.share) * course.dt_s;
-            let (held, turn) = (&self.held, *turn);
-            let stride = Stride { last, poses: &poses, held, turn, acting: &acting, pressed, dt_s };
+            let (held, turn, is_weight_alone) = (&self.held, *turn, course.is_weight_alone);
+            let stride =
+                Stride { last, poses: &poses, held, turn, acting: &acting, is_weight_alone, pressed, dt_s };
             course.tried = Some((share, self.strode(&system, &stride)));
             (self.system, self.course) = (Some(system), Some(course));
         }

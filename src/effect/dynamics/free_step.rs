@@ -22,7 +22,12 @@ impl Moving {
         let (out, into) = (turn.matrix(), turn.matrix().transpose());
         let Phase { place, speed } = self.phase(system, last, &into);
         let (twist, speed) = whole.split(&speed);
-        let ([force, torque], load) = whole.split_force(&self.stride_load(system, stride, &into));
+        let ([force, mut torque], load) = whole.split_force(&self.stride_load(system, stride, &into));
+        if stride.is_weight_alone {
+            // The weight acts where the centre of mass is. The model has it there where the weight would bring it if the body were held.
+            let ([_, of_sag], _) = whole.split_force(&self.load(system, stride.acting, &last.poses, &into));
+            torque -= of_sag;
+        }
         let centrifugal = &system.centrifugal * DVectorView::from_slice(&squared(&twist.spin), 9);
         let (_, outward) = whole.split_force(&system.all_from_own.tr_mul(&centrifugal));
         let loads = StepLoads { load: load - &outward, ..StepLoads::none(outward.len()) };

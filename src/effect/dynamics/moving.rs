@@ -76,6 +76,8 @@ pub struct Stride<'a> {
     pub turn: UnitQuaternion<f64>,
     /// ∂V/∂P where it begins, of all but inertia and pressing forces.
     pub acting: &'a [PoseSlope],
+    /// Whether that is of the body's weight and of what it does to itself.
+    pub is_weight_alone: bool,
     pub pressed: &'a Pressed,
     pub dt_s: f64,
 }
@@ -101,6 +103,7 @@ pub struct Course {
     pub(super) start: Vec<ControlPose>,
     pub(super) poses: Vec<ControlPose>,
     pub(super) acting: Vec<PoseSlope>,
+    pub(super) is_weight_alone: bool,
     /// Share of the frame that is behind.
     pub(super) share: f64,
     /// The step that was tried last, and the share at its end.
@@ -214,6 +217,7 @@ impl Moving {
                         held: now.held,
                         turn: now.turn(),
                         acting: &acting,
+                        is_weight_alone: now.deformer.bears_weight_alone(),
                         pressed: &Pressed::default(),
                         dt_s,
                     },

@@ -5,7 +5,7 @@ use super::section::SWINGING;
 use super::settings::{NAME, Settings};
 use super::tables::Tables;
 use crate::base::failure::Failure;
-use crate::deform::{Contribution, ControlPose, Deformer, PoseSlope};
+use crate::deform::{Contribution, ControlPose, Deformer};
 use crate::effect::entry::EffectInput;
 use crate::world::inertia::{Coming, Gone, Inertia, NodeForces, StepForces};
 use crate::world::running::{Memory, MovedElement, read, written};
@@ -121,11 +121,11 @@ impl Inertia for DynamicBody {
         self.b
     }
 
-    fn begin(&mut self, coming: Coming, acting: Option<&[PoseSlope]>) -> Option<f64> {
+    fn begin(&mut self, coming: Coming, body: &Deformer) -> Option<f64> {
         self.is_begun = true;
         let held: Vec<bool> =
             coming.carried.iter().zip(&self.free).map(|(held, free)| *held || !free).collect();
-        self.moving.set_out(coming.time_s, (coming.poses, &held), acting)
+        self.moving.set_out(coming.time_s, (coming.poses, &held), body)
     }
 
     fn moves(&self, control: usize) -> bool {

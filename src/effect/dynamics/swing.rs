@@ -10,7 +10,8 @@
 //! an exponential step of Rosenbrock's kind (M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19, 2010, 209-286,
 //! section 2.4), whose b is found by iteration from the forces at the end of the leg: a stiff direction follows the arc on which the
 //! element turns, which it would otherwise leave along the tangent. Then the speeds are scaled so that kinetic energy, V and the work of
-//! what is held balance: the energy never rises, however long a step is and however negative an eigenvalue of H. In such a direction the
+//! what is held balance, seen from the mean motion of what is held: the energy never rises, however long a step is and however negative
+//! an eigenvalue of H. In such a direction the
 //! element leaves an unstable place as e^(√-λ t), within a leg by no more than in any other motion.
 //!
 //! The axes R are the mean turn of the elements that are not released, so that M is constant while these rest. What a bend changes of M
@@ -292,13 +293,18 @@ impl Swing<'_> {
             let ended = end(&to);
             let felt = forces.at(&ended.poses)?;
             if is_found || iteration >= MOST {
-                let raised = self.raised(start, &ended, &felt);
-                let outward = system.all_from_own.tr_mul(&centrifugal).dot(&(&to.place - &from.place));
+                let along = self.evenly(&leg);
+                let raised = self.raised(start, &ended, &felt, &(along * dt_s));
+                let along = self.as_speeds(&(into * along));
+                let way = &to.place - &from.place - &along * dt_s;
+                let outward = system.all_from_own.tr_mul(&centrifugal).dot(&way);
                 let scale = match raised {
-                    Some(raised) => coupled.balance([&from, &to], &loads, raised + outward, dt_s)?,
+                    Some(raised) => {
+                        coupled.balance([&from, &to], &loads, (&along, raised + outward), dt_s)?
+                    }
                     None => 1.0,
                 };
-                let ended = end(&Phase { speed: &to.speed * scale, place: to.place });
+                let ended = end(&Phase { speed: &along + (&to.speed - &along) * scale, place: to.place });
                 return ended.is_finite().then_some((ended, felt));
             }
             let end = self.load(&felt.slopes, &ended.poses, &into);
@@ -310,14 +316,34 @@ impl Swing<'_> {
         None
     }
 
-    /// The amount by which V, V' and the energy of the modes have risen in a leg beyond the work of what is held, J; `None` where an element was
-    /// put elsewhere.
-    fn raised(&self, start: &Start, ended: &Motion, felt: &Felt) -> Option<f64> {
+    /// Mean velocity of what is held, in the body's axes. Seen from this even motion elastic forces do no work on it, which would have to be
+    /// summed over their vibration in the leg.
+    fn evenly(&self, leg: &Leg<'_>) -> Vector3<f64> {
+        let held = (0..leg.poses.len()).filter(|e| !self.system.released[*e]);
+        let moved = |e: usize| leg.poses[e].translation - leg.last.poses[e].translation;
+        held.clone().map(moved).sum::<Vector3<f64>>() / (held.count().max(1) as f64 * leg.dt_s)
+    }
+
+    /// ż of a body that moves with this velocity, in the axes of a leg.
+    fn as_speeds(&self, velocity: &Vector3<f64>) -> DVector<f64> {
+        let mut speeds = DVector::zeros(self.system.mass.nrows());
+        let released = self.system.released.iter().filter(|released| **released).count();
+        (0..released).for_each(|k| speeds.rows_mut(6 * k, 3).copy_from(velocity));
+        speeds
+    }
+
+    /// The amount by which V, V' and the energy of the modes have risen in a leg beyond the work of what is held, J, as it is seen from an
+    /// even motion that has gone by `along`; `None` where an element was put elsewhere.
+    fn raised(&self, start: &Start, ended: &Motion, felt: &Felt, along: &Vector3<f64>) -> Option<f64> {
         let last = &start.motion;
         let mut raised = felt.energy - start.felt.energy;
+        // What moves with it as a whole changes V by the work of loads alone.
+        let on_all =
+            |slopes: &[PoseSlope]| slopes.iter().map(|slope| slope.translation.dot(along)).sum::<f64>();
+        raised -= 0.5 * (on_all(&start.felt.slopes) + on_all(&felt.slopes));
         for e in 0..ended.poses.len() {
             let change = PoseSlope {
-                translation: ended.poses[e].translation - last.poses[e].translation,
+                translation: ended.poses[e].translation - last.poses[e].translation - along,
                 matrix: ended.poses[e].matrix - last.poses[e].matrix,
             };
             let along = |slope: &PoseSlope| {
@@ -325,7 +351,7 @@ impl Swing<'_> {
             };
             if self.system.released[e] {
                 raised += along(&self.added[e]);
-            } else if self.now.held[e] || change == PoseSlope::default() {
+            } else if self.now.held[e] || ended.poses[e] == last.poses[e] {
                 raised -= 0.5 * (along(&start.felt.slopes[e]) + along(&felt.slopes[e]));
             } else {
                 return None;

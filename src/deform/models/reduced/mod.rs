@@ -19,6 +19,7 @@ mod quartic;
 mod secants;
 mod strain_energy;
 
+use super::rotation::mean_rotation;
 use crate::deform::loads::FrameForces;
 use crate::deform::memory::{ModelMemory, Unknowns};
 use crate::deform::model::{
@@ -34,7 +35,7 @@ use crate::green::{
 pub use curvature::Curvature;
 use equilibrium::ReducedBody;
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3, Vector6,
+    DMatrix, DVector, Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6,
 };
 use pressures::Pressures;
 pub use quartic::Quartic;
@@ -138,7 +139,7 @@ impl Reduced {
             None => self.body.settle(y, None)?,
             Some(loads) => {
                 let m = self.posed.mean();
-                loads.find(m);
+                loads.find(m, &self.posed.mean_turn(poses));
                 self.body.settle(y, Some(&mut loads.burden))? + loads.beside(m, &self.posed.common())
             }
         };
@@ -223,7 +224,7 @@ impl DeformationModel for Reduced {
         self.slopes.resize(self.posed.elements(), PoseSlope::default());
         if let (Some(loads), Some(applied)) = (&mut self.loads, &memory.loads) {
             loads.set_applied(applied);
-            loads.find(self.posed.mean());
+            loads.find(self.posed.mean(), &self.posed.mean_turn(&memory.poses));
         }
         Ok(())
     }
@@ -324,6 +325,12 @@ impl Posed {
     /// c.
     pub fn coefficients(&self) -> &[f64] {
         self.coefficients.as_slice()
+    }
+
+    /// The mean turn of the control elements at the poses that were taken.
+    pub fn mean_turn(&self, poses: &[ControlPose]) -> Rotation3<f64> {
+        let mean = mean_rotation(&self.controls, poses, &self.turns);
+        mean.unwrap_or_else(|| self.mean().rotation.to_rotation_matrix())
     }
 
     /// c̄, the mean translation of the elements in c, which y leaves out.
