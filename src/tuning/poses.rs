@@ -77,7 +77,9 @@ fn scripted(scene: &Resolved, name: &str) -> Result<Vec<(String, ControlPoses)>,
     let mut playback = Playback::new(&session, SCRIPT_POSES)?;
     for frame in 0..SCRIPT_POSES {
         playback.step_to(&mut session, frame)?;
-        let Some(body) = session.world.bodies.iter().find(|body| body.deformer.body == name) else { continue };
+        let Some(body) = session.world.bodies.iter().find(|body| body.deformer.body == name) else {
+            continue;
+        };
         let poses = body.deformer.poses.clone();
         let is_rest = poses.iter().all(|pose| pose.is_rest_within(STIRRED, body.assets.ball.1));
         if !is_rest && taken.iter().all(|(_, other)| *other != poses) {
