@@ -29,7 +29,7 @@ trap 'rm -rf "$out"' EXIT
 $program demo -o "$out/demo" --no-film
 cp "$out/demo/contact-sheet.png" "$book/src/pictures/demo.png"
 $program stage-view workbench -o "$book/src/pictures/room.png"
-$program pattern workbench --output "$out/pattern" --window-scale 0.5
+$program pattern workbench --output "$out/pattern"
 cp "$(ls "$out"/pattern/*.png | head -n 1)" "$book/src/pictures/pattern.png"
 # Bent and held: before that all numbers are 0.
 $program render hose --stage demo --overlay --frames 24 -o "$out/overlay"

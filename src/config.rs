@@ -175,6 +175,9 @@ fn explain(message: &str) -> String {
     {
         return format!("{found}, expected {}", kind(expected));
     }
+    if message.starts_with("wanted exactly 1 element") {
+        return "this table takes exactly one of its keys".to_owned();
+    }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let is_unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
     let Some(unknown) = quoted.next().filter(|_| is_unknown) else { return message.to_owned() };

@@ -8,6 +8,7 @@ use crate::base::output::{self, OutputError};
 pub use crate::base::progress::Teller;
 use crate::base::progress::{Bars, Progress};
 use crate::base::signal::{OnEnd, on_end};
+use crate::deform::ExpectedErrors;
 use crate::effect;
 pub use crate::effect::Resolved;
 use crate::green::{
@@ -30,13 +31,14 @@ pub fn summed_part(scene: &Resolved) -> Result<Resolved, Failure> {
     Ok(scene.with_bodies(|name| summed.contains(&name)))
 }
 
-/// The files that a run of the scene reads: itself, its stage and script, its meshes and lists of nodes.
+/// The files that a run of the scene reads: itself, its stage and script, its meshes, lists of nodes and textures.
 pub fn inputs(scene: &Scene) -> Vec<PathBuf> {
     let mut files = vec![scene.path.clone(), scene.resolve(Path::new(&scene.stage))];
     files.extend(scene.script.iter().map(|script| scene.resolve(script)));
     for body in scene.body.values() {
         files.extend(body.mesh.iter().flat_map(|mesh| files_of(&scene.resolve(mesh))));
         files.extend(body.files().into_iter().map(|(_, path)| scene.resolve(path)));
+        files.extend(body.texture.iter().map(|texture| scene.resolve(&texture.image)));
     }
     files
 }
@@ -63,6 +65,17 @@ pub fn try_green(scene: &Scene, named: Option<&Path>) -> Result<(), Failure> {
 /// The default place of a scene's .green file: beside the scene.
 pub fn green_path(scene: &Scene) -> PathBuf {
     scene.path.with_extension("green")
+}
+
+/// The errors that the scene's .green file has measured of a body; fails where that file is not there or not fresh.
+pub fn measured_errors(
+    scene: &Scene,
+    name: &str,
+    requirements: &Requirements,
+) -> Result<Option<ExpectedErrors>, GreenError> {
+    let file = GreenFile::open(&green_path(scene))?;
+    file.check_belongs(scene, name, requirements)?;
+    effect::expected::read(&file, name)
 }
 
 /// The scene's .green file if it is there and belongs to the scene as it is now; why not, otherwise.

@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["scene", "readme"])]
     pub sizes: Vec<usize>,
     /// How the columns of --sizes are stored: f32, f16 or int16
-    #[arg(long, default_value = "f32", value_parser = parsers::storage)]
+    #[arg(long, default_value = "f32", value_parser = parsers::storage, conflicts_with_all = ["scene", "effects"])]
     pub storage: Storage,
     /// Stage: a built-in one (workbench, cyberstage, cave6, …; `greenstage manual stages`), or a stage file; default: the scene's
     #[arg(long)]

@@ -7,10 +7,10 @@ use crate::base::diagnostic::{Diagnostic, Severity, is_verbose, listing};
 use crate::base::failure::Failure;
 use crate::base::table::{Table, bytes};
 use crate::config;
-use crate::deform::{Bearing, ExpectedErrors, ModelEntry, ModelReach, ROD, Statics};
+use crate::deform::{Bearing, ExpectedErrors, MODELS, ModelEntry, ModelReach, ROD, Statics};
 use crate::effect::{EFFECTS, EffectEntry, ResolvedBody, name_of};
 use crate::fem::TET4_ANP;
-use crate::green::{self, Forecast, GreenError, GreenFile, Prepared, Requirements};
+use crate::green::{self, Forecast, GreenError, GreenFile, Prepared, Requirements, SUBSTRUCTURES};
 use crate::mesh::Surface;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::surface_files::TriangleSurface;
@@ -19,12 +19,14 @@ use crate::scene::proposal::choice::of_two_ends;
 use crate::scene::survey::State;
 use crate::scene::{Body, KeptForm, Limit, Material, Method, Scene, SceneError, Tool};
 use crate::session::open;
+use crate::solve::Solver;
 use crate::stage::Stage;
 use crate::world::place;
 use crate::world::place::overlaps;
 use indexmap::IndexMap;
 use nalgebra::{Point3, Similarity3, Vector3};
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -56,6 +58,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let scene = survey.scene.as_ref().map(completed);
     if let Some(scene) = &scene {
         findings.extend(unused_tools(scene));
+        findings.extend(unused_legend(scene));
         let mut meshes = Vec::new();
         for ((name, body), state) in scene.body.iter().zip(&survey.states) {
             let resolved = ResolvedBody::new(scene, name, EFFECTS);
@@ -82,6 +85,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
                 State::Faulty => {}
             }
         }
+        findings.extend(unreadable(scene));
         if let Ok(stage) = open::stage(scene, None) {
             findings.extend(places(&meshes, &stage));
         }
@@ -138,6 +142,36 @@ fn unused_tools(scene: &Scene) -> Vec<Diagnostic> {
     scene.tool.iter().filter_map(of).collect()
 }
 
+/// The legend of a scene in which no body has the colours that it explains.
+fn unused_legend(scene: &Scene) -> Option<Diagnostic> {
+    let has_colours = |name: &String| {
+        let resolved = ResolvedBody::new(scene, name, EFFECTS);
+        resolved.is_ok_and(|body| body.entries().any(|effect| effect.shows_stress))
+    };
+    let is_used = scene.legend.is_none() || scene.body.keys().any(has_colours);
+    let effect = name_of(|effect| effect.shows_stress);
+    let message = format!("is not used: no body has effects = [\"{effect}\"]");
+    (!is_used).then(|| Diagnostic::new(Severity::Note, "legend", message))
+}
+
+/// Keys of a body that its model and its solver do not read.
+fn unused_keys(name: &str, body: &Body, model: &ModelEntry) -> Vec<Diagnostic> {
+    let mut found = Vec::new();
+    let mut note = |key: &str, message: String| {
+        found.push(Diagnostic::new(Severity::Note, format!("body.{name}.{key}"), message));
+    };
+    if body.parts.is_some() && !model.with_energy().has(SUBSTRUCTURES) {
+        note("parts", format!("is not used: the model \"{model}\" does not cut the body into parts"));
+    }
+    let (Solver { method, tolerance, max_iterations }, usual) = (body.solver, Solver::default());
+    if method.is_direct && (tolerance != usual.tolerance || max_iterations != usual.max_iterations) {
+        let message =
+            format!("tolerance and max_iterations are not used: \"{}\" does not iterate", method.name);
+        note("solver", message);
+    }
+    found
+}
+
 /// A body with its surface, in the mesh's frame.
 struct StandingBody<'a> {
     name: &'a String,
@@ -165,6 +199,7 @@ fn of_body<'a>(
         }
         findings.push(found);
     }
+    findings.extend(scene.load_texture(name, body).err().map(|wrong| wrong.finding()));
     findings.extend(unwatched_limit(name, body, resolved));
     findings.extend(holds(scene, name, body));
     findings.extend(in_degrees(name, body));
@@ -178,10 +213,11 @@ fn of_body<'a>(
         }
         Err(other) => return Err(other.into()),
     };
-    if let Some(model) = resolved.map(|resolved| resolved.model) {
+    if let Some(resolved) = resolved {
+        findings.extend(unused_keys(name, body, resolved.model));
         let required = required.as_ref().and_then(|required| required.as_ref().ok());
-        let measured = required.and_then(|required| measured_reach(scene, name, required, model));
-        models.extend(measured.or_else(|| reach(name, body, model, &prepared)));
+        let measured = required.and_then(|required| measured_reach(scene, name, required, resolved.model));
+        models.extend(measured.or_else(|| reach(scene, name, resolved, &prepared)));
     }
     match green::acting(scene, name, &prepared.mesh, &prepared.controls) {
         Ok(found) => findings.extend(found),
@@ -335,6 +371,13 @@ fn effects_text(effects: &[Cost]) -> String {
     if table.rows.len() > 1 { format!("\n{}", table.text()) } else { String::new() }
 }
 
+/// A warning of a .green file beside the scene that is there and cannot be used.
+fn unreadable(scene: &Scene) -> Option<Diagnostic> {
+    let error = GreenFile::open(&prepare::green_path(scene)).err()?;
+    let is_absent = matches!(&error, GreenError::Io { source, .. } if source.kind() == ErrorKind::NotFound);
+    (!is_absent).then(|| Diagnostic::new(Severity::Warning, "", error.to_string()))
+}
+
 /// The reach of a body's model as its .green file has it measured, while that file is fresh.
 fn measured_reach(
     scene: &Scene,
@@ -348,8 +391,9 @@ fn measured_reach(
     Some(model_line(name, model, &reach.text()))
 }
 
-/// The reach of the model of a body that is bent at two ends, and the model that holds further where there is one.
-fn reach(name: &str, body: &Body, model: &ModelEntry, prepared: &Prepared) -> Option<String> {
+/// The reach of the model of a body that is bent at two ends, and the model that holds further where the body takes one.
+fn reach(scene: &Scene, name: &str, resolved: &ResolvedBody, prepared: &Prepared) -> Option<String> {
+    let (body, model) = (&scene.body[name], resolved.model);
     // What holds further has no such element, and its nodes on the edges are seven to a corner.
     let (factor, with) = if *body.element == TET4_ANP { (7, " with element = \"tet10\"") } else { (1, "") };
     let is_of_two = prepared.controls.len() == 2;
@@ -358,14 +402,19 @@ fn reach(name: &str, body: &Body, model: &ModelEntry, prepared: &Prepared) -> Op
     if best == ROD.name && ROD.fits.is_some_and(|fits| fits(prepared).is_err()) {
         return None;
     }
+    let is_taken = |model: &'static ModelEntry| {
+        let other = ResolvedBody { model, ..resolved.clone() };
+        model.name == best && other.requirements(scene, name, body).is_ok()
+    };
     let text = match model.loads {
         _ if model.name == best => reach,
         Bearing::Columns => {
             let [good, fair] = model.turn_limits_deg;
-            let turn = format!(
-                "its shape is good where a piece of its surface turns by {good:.0}°, fair to {fair:.0}°"
-            );
-            format!("{turn}; {best}{with}: {reach}")
+            let is_taken = MODELS.iter().any(is_taken);
+            let further = if is_taken { format!("; {best}{with}: {reach}") } else { String::new() };
+            format!(
+                "its shape is good where a piece of its surface turns by {good:.0}°, fair to {fair:.0}°{further}"
+            )
         }
         Bearing::Forces(_) => return None,
     };

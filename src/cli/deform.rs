@@ -44,8 +44,8 @@ pub struct Args {
     /// All nodes, those inside too, solved again in f64 and not taken from the .green file (model linear only)
     #[arg(long, conflicts_with = "green")]
     pub all_nodes: bool,
-    /// Write the deformed surface of every pose as well, into OUT.POSE.stl, .ply, .obj or .glb (stl,ply writes two of them); m, in the
-    /// mesh's coordinates
+    /// Write the deformed surface of every pose as well, into OUT.POSE.stl, .ply, .obj, .glb or .png (stl,ply writes two of them); m, in
+    /// the mesh's coordinates
     #[arg(long, value_delimiter = ',', value_name = "FORMAT")]
     pub surface: Vec<String>,
     /// A control element that holds nothing, as hose.right (scenes with updates); again for more
@@ -67,13 +67,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut surfaces = args.surface.clone();
     surfaces.extend(args.pictures.then(|| "png".to_owned()));
     let files = Files::new(&args.output, &surfaces, names.into_iter().collect())?;
-    try_outputs(args, &files, &scene, poses.iter().any(Pose::finds))?;
+    let inputs = prepare::inputs_and(&scene, [Some(args.poses.as_path()), args.green.as_deref()]);
+    try_outputs(args, (&files, &inputs), &scene, poses.iter().any(Pose::finds))?;
     let scene = tuning::settle(scene, false, false)?;
     let asked: Vec<PoseRequest> =
         poses.iter().map(|pose| ask(&scene, pose, &args.poses)).collect::<Result<_, _>>()?;
     let (set, tables) = batch::solve(&scene, &asked, args.green.as_deref(), args.all_nodes)?;
     if set.missed.is_empty() || !set.results.is_empty() {
-        let written = files.write(&set)?;
+        let written = files.write(&set, &inputs)?;
         // Once all of them are there: what cannot be printed keeps none of them away.
         print(&written.iter().map(|path| format!("{}\n", path.display())).collect::<String>())?;
         print(&tables)?;
@@ -140,11 +141,15 @@ fn cannot_change(scene: &mut Scene, name: &str, region: &str) -> String {
 }
 
 /// Whether everything can be written, before anything is solved.
-fn try_outputs(args: &Args, files: &Files, scene: &Resolved, has_found: bool) -> Result<(), Failure> {
-    let inputs = prepare::inputs_and(scene, [Some(args.poses.as_path()), args.green.as_deref()]);
+fn try_outputs(
+    args: &Args,
+    (files, inputs): (&Files, &[PathBuf]),
+    scene: &Resolved,
+    has_found: bool,
+) -> Result<(), Failure> {
     let outlook = batch::outlook(scene)?;
     let outlook = Outlook { has_found, ..outlook };
-    files.try_all(&inputs, &outlook)?;
+    files.try_all(inputs, &outlook)?;
     if outlook.needs_green && !args.all_nodes {
         prepare::try_green(scene, args.green.as_deref())
     } else {

@@ -3,7 +3,7 @@
 use crate::base::table::Table;
 use crate::deform::{ErrorsAt, ExpectedErrors, MotionErrors, MovedErrors, percent};
 use crate::effect::{ResolvedBody, expected, name_of};
-use crate::green::{GreenError, GreenFile};
+use crate::green::GreenError;
 use crate::prepare;
 use crate::scene::{Method, Scene};
 
@@ -142,19 +142,14 @@ pub fn known(scene: &Scene, name: &str, resolved: &ResolvedBody) -> Result<Expec
         let name = name_of(|effect| effect.measures_errors);
         return Err(format!("`greenstage precompute` measures them for effects = [\"{name}\"]"));
     }
-    let path = prepare::green_path(scene);
     if body.accuracy_target().is_some() {
+        let path = prepare::green_path(scene);
         let path = path.display();
         return Err(format!(
             "`greenstage precompute` chooses its settings, and `greenstage inspect {path}` then prints them"
         ));
     }
-    let read = || -> Result<Option<ExpectedErrors>, GreenError> {
-        let file = GreenFile::open(&path)?;
-        file.check_belongs(scene, name, &requirements)?;
-        expected::read(&file, name)
-    };
-    match read() {
+    match prepare::measured_errors(scene, name, &requirements) {
         Ok(Some(errors)) if errors.model == resolved.model => Ok(errors),
         Err(damaged @ GreenError::Damaged { .. }) => Err(damaged.to_string()),
         _ => Err(format!("`greenstage precompute {}` measures them", scene.path.display())),

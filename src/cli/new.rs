@@ -1,6 +1,7 @@
 //! `greenstage new`: from a mesh or surface file to a scene file, with the reason for every choice.
 
-use super::opening::{self, Guess, SCENE};
+use super::opening::{self, Guess};
+use super::parsers;
 use super::print::print;
 use crate::base::diagnostic::Severity;
 use crate::base::failure::Failure;
@@ -8,10 +9,12 @@ use crate::base::output;
 use crate::base::output::Kind;
 use crate::base::text::quoted;
 use crate::deform::find_model;
+use crate::edit::save::SCENE;
 use crate::effect::{EffectEntry, find_effect};
 use crate::green;
 use crate::mesh::LoadedMesh;
 use crate::mesh::formats::files_of;
+use crate::mesh::surface_files::is_surface_file;
 use crate::scene::proposal::pull::{self, length, poses_path};
 use crate::scene::proposal::{Proposal, Wishes};
 use crate::session::open;
@@ -44,7 +47,7 @@ pub struct Args {
     #[command(flatten)]
     pub guess: Guess,
     /// Metres in one unit of the file, where no unit has a name
-    #[arg(long, conflicts_with = "unit", value_parser = super::parsers::positive)]
+    #[arg(long, conflicts_with = "unit", value_parser = parsers::positive)]
     pub metres_per_unit: Option<f64>,
     /// A node group of the file that stays where it is; may be given several times
     #[arg(long, value_name = "GROUP")]
@@ -53,21 +56,21 @@ pub struct Args {
     #[arg(long, value_name = "GROUP")]
     pub grab: Vec<String>,
     /// Model of deformation: rotation, reduced, linear, …; `greenstage manual scene` compares the models
-    #[arg(long, value_parser = model)]
+    #[arg(long, value_parser = parsers::model)]
     pub model: Option<String>,
     /// Opt-in effects, such as haptics,stress (forces in newtons, colours by stress) or contact,cut (with a probe and a
     /// blade in the hands); `greenstage manual scene` lists them
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = effect)]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = parsers::effect)]
     pub effects: Vec<String>,
     /// Ask how much force this takes: with the element, model and effects that are made for forces, and poses for
     /// `greenstage deform` that pull and push each control element that can be grabbed by so much, such as 5mm
-    #[arg(long, value_name = "LENGTH", value_parser = super::parsers::length)]
+    #[arg(long, value_name = "LENGTH", value_parser = parsers::length)]
     pub pull: Option<f64>,
     /// Stage on which it is shown: a built-in one or a file
     #[arg(long)]
     pub stage: Option<String>,
     /// Edge of the cells that fill a surface, m; default: for 10 to 20 thousand nodes
-    #[arg(long, value_parser = super::parsers::positive)]
+    #[arg(long, value_parser = parsers::positive)]
     pub cell: Option<f64>,
     /// Overwrite the scene file if there is one
     #[arg(long)]
@@ -78,6 +81,16 @@ const POSES: Kind =
     Kind { name: "a pose file", recognizes: |head| head.windows(8).any(|window| window == b"[[pose]]") };
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if args.mesh.is_dir() || args.mesh.extension().is_some_and(|extension| extension == "toml") {
+        return Err(Failure::wrong(format!(
+            "{}: is no mesh or surface file, for which a scene is proposed; `greenstage manual meshes` lists the formats",
+            args.mesh.display()
+        )));
+    }
+    if args.cell.is_some() && !is_surface_file(&args.mesh) {
+        let message = "--cell fills a surface; a mesh of tetrahedra is taken as it is";
+        return Err(Failure::wrong(format!("{}: {message}", args.mesh.display())));
+    }
     let path = args.output.clone().unwrap_or_else(|| args.mesh.with_extension("toml"));
     if path.extension().is_none_or(|extension| extension != "toml") {
         return Err(Failure::wrong(format!("{}: a scene file's name ends in .toml", path.display())));
@@ -118,8 +131,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     };
     let mut proposal = opening::propose(&args.mesh, &path, wishes)?;
     refuse_unsuited(&mut proposal, args)?;
+    let stage = open::stage(&proposal.scene, args.stage.as_deref())?;
     if is_touched || is_cut {
-        let stage = open::stage(&proposal.scene, None)?;
         proposal.add_tools(is_cut, is_touched, 2.0 * stage.workspace.radius_m);
     }
     let text = proposal.text()?;
@@ -151,18 +164,8 @@ fn refuse_unsuited(proposal: &mut Proposal, args: &Args) -> Result<(), Failure> 
     }
 }
 
-/// The name of a model.
-fn model(name: &str) -> Result<String, String> {
-    find_model(name).map(|model| model.name.to_owned())
-}
-
-/// The name of an effect.
-fn effect(name: &str) -> Result<String, String> {
-    find_effect(name).map(|effect| effect.name.to_owned())
-}
-
 fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
-    let named = path.display();
+    let named = quoted(&path.display().to_string());
     let reasons: String = proposal.reasons.iter().map(|reason| format!("  {reason}\n")).collect();
     let mut warnings: String = proposal.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
     if let Some(by_m) = pull_m.filter(|by_m| pull::is_much(&proposal.mesh, *by_m)) {
@@ -172,10 +175,7 @@ fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
     }
     let by_m = pull_m.unwrap_or_else(|| pull::usual_m(&proposal.mesh));
     let force = match pull_m {
-        Some(_) => {
-            let stem = path.file_stem().unwrap_or_default().display();
-            format!("greenstage deform {named} --poses {} -o out/{stem}", poses_path(path).display())
-        }
+        Some(_) => pull::command(path),
         // The same again, with the question.
         None => {
             let same = std::env::args().skip(1).filter(|word| word != "--force").map(|word| quoted(&word));
@@ -190,7 +190,7 @@ fn told(proposal: &Proposal, path: &Path, pull_m: Option<f64>) -> String {
         ("an editor".to_owned(), "every line of the scene has its reason beside it"),
     ];
     let next: String = next.iter().map(|(command, what)| format!("  {command}\n      {what}\n")).collect();
-    format!("{named}: written\n{reasons}{warnings}\nNext:\n{next}")
+    format!("{}: written\n{reasons}{warnings}\nNext:\n{next}", path.display())
 }
 
 #[cfg(test)]
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn the_effects_that_a_pull_lists_are_there() {
         for name in FORCES.into_iter().chain([ERRORS]) {
-            assert_eq!(effect(name).as_deref(), Ok(name));
+            assert_eq!(parsers::effect(name).as_deref(), Ok(name));
         }
     }
 

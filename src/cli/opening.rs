@@ -3,8 +3,9 @@
 use crate::base::cache;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::output::{self, Kind};
+use crate::base::output;
 use crate::base::text::quoted;
+use crate::edit::save::SCENE;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::length_unit::{LengthUnit, find_unit};
 use crate::scene::file_kind::is_mesh_or_surface;
@@ -80,10 +81,6 @@ fn place_of(mesh: &Path) -> Result<PathBuf, Failure> {
     let stem = mesh.file_stem().unwrap_or_default().to_string_lossy();
     Ok(cache::folder().join(format!("{stem}-{}.toml", &hash[..8])))
 }
-
-/// Only a scene is overwritten, even by force.
-pub const SCENE: Kind =
-    Kind { name: "a scene file", recognizes: |head| head.windows(6).any(|window| window == b"[body.") };
 
 /// The command line of this run, once with each unit.
 fn commands(doubt: &UnitDoubt) -> String {

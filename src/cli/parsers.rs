@@ -1,5 +1,7 @@
 //! Parses the values of options that several subcommands share.
 
+use crate::deform::find_model;
+use crate::effect::find_effect;
 use crate::mesh::length_unit::find_unit;
 use crate::render::Samples;
 use crate::scene::Storage;
@@ -11,6 +13,16 @@ pub fn samples(text: &str) -> Result<Samples, String> {
         "4" => Ok(Samples::Exactly(4)),
         _ => Err("samples per pixel are 1, 4 or auto".into()),
     }
+}
+
+/// The name of a model.
+pub fn model(name: &str) -> Result<String, String> {
+    find_model(name).map(|model| model.name.to_owned())
+}
+
+/// The name of an effect.
+pub fn effect(name: &str) -> Result<String, String> {
+    find_effect(name).map(|effect| effect.name.to_owned())
 }
 
 pub fn storage(text: &str) -> Result<Storage, String> {

@@ -28,13 +28,13 @@ pub struct Args {
     #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Size of the windows against the screens' own pixels
-    #[arg(long, value_parser = parsers::scale, default_value_t = 1.0)]
+    #[arg(long, value_parser = parsers::scale, default_value_t = 1.0, conflicts_with_all = ["output", "wav"])]
     pub window_scale: f64,
     /// Close the windows, or end the tones, after so many seconds
     #[arg(long, value_parser = parsers::positive)]
     pub seconds: Option<f64>,
     /// Let each loudspeaker sound instead: loudspeaker k gives k short tones and a long one, and its name is printed
-    #[arg(long, conflicts_with = "output")]
+    #[arg(long, conflicts_with_all = ["output", "window_scale"])]
     pub sound: bool,
     /// WAV file with a channel for each loudspeaker, instead of the audio device; overwrites a WAV file of this name
     #[arg(long, value_name = "FILE")]

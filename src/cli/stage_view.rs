@@ -35,7 +35,7 @@ pub struct Args {
     pub stage: Option<String>,
     /// A PNG file instead of a window, of the stage as its file has it, without live trackers; overwrites a PNG file, and
     /// nothing else
-    #[arg(short, long)]
+    #[arg(short, long, conflicts_with_all = ["seconds", "redirects"])]
     pub output: Option<PathBuf>,
     /// Place of the camera, metres in the room: x,y,z; default: behind the viewer, above and to the right
     #[arg(long, value_parser = place, allow_hyphen_values = true)]
@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long, value_parser = size, default_value = "1280x960")]
     pub size: [u32; 2],
     /// Time in the scene's script that the picture shows, s
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, requires = "output")]
     pub time: f64,
     /// Close the window after so many seconds
     #[arg(long, value_parser = parsers::positive)]
@@ -124,6 +124,10 @@ fn open(args: &Args) -> Result<Session, Failure> {
     if !is_scene {
         if let Some(stage) = &args.stage {
             let text = format!("{} is a stage itself: leave out --stage {stage}", path.display());
+            return Err(Failure::wrong(text));
+        }
+        if args.green.is_some() || args.time != 0.0 {
+            let text = format!("{} is a stage: --green and --time are for a scene", path.display());
             return Err(Failure::wrong(text));
         }
         let stage = crate::track::find_stage(&path.display().to_string()).map_err(Failure::request)?;

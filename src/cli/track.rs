@@ -55,7 +55,7 @@ pub struct Args {
     #[arg(long, requires = "serve")]
     pub script: Option<String>,
     /// Readings of the script per second
-    #[arg(long, default_value_t = 120.0, value_parser = parsers::positive)]
+    #[arg(long, default_value_t = 120.0, value_parser = parsers::positive, requires = "script")]
     pub rate: f64,
     #[command(flatten)]
     pub redirects: Redirects,

@@ -30,12 +30,12 @@ pub struct Args {
     /// Frames of each scene of `together`
     #[arg(long, default_value_t = 1000, value_name = "N")]
     pub frames: usize,
-    /// Number of random bodies of `truth`
-    #[arg(long, default_value_t = 12, value_name = "N")]
-    pub bodies: u64,
-    /// Seed of the first random body of `truth`; the others have the next ones
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
+    /// Number of random bodies of `truth` [default: 12]
+    #[arg(long, value_name = "N")]
+    pub bodies: Option<u64>,
+    /// Seed of the first random body of `truth`; the others have the next ones [default: 1]
+    #[arg(long)]
+    pub seed: Option<u64>,
     /// The random body of this seed alone, with all of its statements
     #[arg(long, conflicts_with_all = ["bodies", "seed", "keep"])]
     pub only: Option<u64>,
@@ -67,14 +67,26 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
+    if args.problems == [TRUTH] {
+        return judge_truth(args);
+    }
+    let of_truth = [
+        ("--bodies", args.bodies.is_some()),
+        ("--seed", args.seed.is_some()),
+        ("--only", args.only.is_some()),
+        ("--threads", args.threads.is_some()),
+        ("--minutes", args.minutes.is_some()),
+        ("--keep", args.keep.is_some()),
+        ("--expected", args.expected),
+    ];
+    if let Some((option, _)) = of_truth.into_iter().find(|(_, is_given)| *is_given) {
+        return Err(Failure::wrong(format!("{option}: is an option of `greenstage verify {TRUTH}` alone")));
+    }
     if let [name, scenes @ ..] = &args.problems[..]
         && name == "forces"
         && !scenes.is_empty()
     {
         return print_study(args, name, |told| forces_of_scenes(scenes, told));
-    }
-    if args.problems == [TRUTH] {
-        return judge_truth(args);
     }
     if let [name, models @ ..] = &args.problems[..]
         && name == TOGETHER
@@ -157,7 +169,10 @@ fn judge_truth(args: &Args) -> Result<(), Failure> {
     let run = Run {
         seeds: match args.only {
             Some(only) => vec![only],
-            None => (args.seed..args.seed.saturating_add(args.bodies)).filter(is_new).collect(),
+            None => {
+                let first = args.seed.unwrap_or(1);
+                (first..first.saturating_add(args.bodies.unwrap_or(12))).filter(is_new).collect()
+            }
         },
         threads: args.threads.unwrap_or(processors),
         limit: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),

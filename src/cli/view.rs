@@ -29,7 +29,7 @@ pub struct Args {
     pub session: SessionArgs,
     /// Play the recording, or the script, as fast as possible without a window or a graphics device; the status is 1 if a
     /// frame comes to another state than was recorded
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["samples", "window_scale", "no_vsync", "overlay", "seconds", "offscreen"])]
     pub check: bool,
     /// Samples per pixel, 1 or 4, which smooths edges; auto is 4, and 1 on a software device, where 4 take some three times as
     /// long

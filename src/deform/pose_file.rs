@@ -177,6 +177,12 @@ pub fn load(path: &Path) -> Result<Vec<Pose>, Failure> {
 /// Checks the text of a pose file; `path` is only named in errors.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<Pose>, Failure> {
     let mut poses = config::parse::<PoseFile>(text, path)?.pose;
+    if poses.is_empty() {
+        return Err(Failure::wrong(format!(
+            "{}: has no pose; write a table [[pose]] for each",
+            path.display()
+        )));
+    }
     // A pose that names no body is for the only one that there is.
     let mut known: BTreeMap<&str, BTreeSet<Option<&str>>> = BTreeMap::new();
     for pose in &poses {
@@ -292,6 +298,16 @@ pub fn freedom(pose: &Pose, name: &str, body: &Body, path: &Path) -> Result<Vec<
         }),
     };
     let found: Vec<Freedom> = body.control.keys().map(of).collect::<Result<_, _>>()?;
+    let is_loose = |k: &usize| found.iter().all(|of| of.free[*k]);
+    if let (Some(k), Some(last)) = ((0..3).find(is_loose), body.control.keys().last()) {
+        let along = COMPONENTS[k];
+        return Err(Failure::wrong(format!(
+            "{}: pose \"{}\": body.{name}: every control element is free in {along}, and the body moves there without a force: \
+             leave \"{along}\" out of free of {last}, or of another",
+            path.display(),
+            pose.name
+        )));
+    }
     Ok(if found.iter().any(Freedom::is_any) { found } else { Vec::new() })
 }
 
@@ -321,6 +337,7 @@ pub fn doubtful_turn(poses: &ControlPoses, body: &Body) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Scene;
     use proptest::prelude::*;
 
     const GOOD: &str =
@@ -331,6 +348,32 @@ mod tests {
         let poses = parse(GOOD, Path::new("poses.toml")).unwrap();
         assert_eq!(poses[0].control["c"].matrix(), identity());
         assert!(poses[1].control.is_empty());
+    }
+
+    #[test]
+    fn a_pose_in_which_nothing_is_held_along_an_axis_is_refused_with_a_name() {
+        let text = "[body.a]\ngenerate = { block = { size = [1, 1, 1], cells = [2, 2, 2] } }\n\
+                    material = { young = 1.0, poisson = 0.0 }\n\
+                    control.low = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
+                    control.high = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
+        let scene = Scene::parse(text, Path::new("any.toml")).unwrap();
+        let found = |low: &str| {
+            let text = format!(
+                "[[pose]]\nname = \"p\"\ncontrol.low = {{ free = [\"{low}\"] }}\ncontrol.high = {{ free = [\"x\"] }}\n"
+            );
+            let poses = parse(&text, Path::new("poses.toml")).unwrap();
+            freedom(&poses[0], "a", &scene.body["a"], Path::new("poses.toml"))
+                .map_err(|error| error.to_string())
+        };
+        assert!(found("y").is_ok());
+        let why = found("translation").unwrap_err();
+        assert!(why.contains("every control element is free in x") && why.contains("of high"), "{why}");
+    }
+
+    /// `deform` wrote files without a result, which it then took for another program's.
+    #[test]
+    fn a_file_without_a_pose_is_refused() {
+        assert!(told("pose = []").starts_with("poses.toml: has no pose"));
     }
 
     fn told(text: &str) -> String {

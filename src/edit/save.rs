@@ -15,8 +15,14 @@ use std::path::{Path, PathBuf};
 /// Number of nodes of a painted element above which it gets a separate file.
 const LONG: usize = 400;
 
-const SCENE: Kind =
-    Kind { name: "a scene file", recognizes: |head| head.windows(6).any(|window| window == b"[body.") };
+/// Recognised by its tables `[body.NAME]`, or its keys `body.NAME.KEY`.
+pub const SCENE: Kind = Kind {
+    name: "a scene file",
+    recognizes: |head| {
+        head.windows(6).any(|window| window == b"[body.")
+            || head.split(|byte| *byte == b'\n').any(|line| line.trim_ascii_start().starts_with(b"body."))
+    },
+};
 const TAGS: Kind =
     Kind { name: "a file of node tags by greenstage", recognizes: |head| head.starts_with(TAGS_HEAD) };
 const TAGS_HEAD: &[u8] = b"# greenstage: nodes of ";

@@ -78,7 +78,15 @@ pub fn solve(
                 static_results(scene, name, solved, &own, &mut set.missed)?
             }
         };
-        let told = found.into_iter().map(|result| with_facts(scene, asked, result));
+        let measured = match scene.law(name)? {
+            Some(_) => prepare::measured_errors(scene, name, &scene.requirements(name)?).ok().flatten(),
+            None => None,
+        };
+        let looked = match &measured {
+            Some(errors) => unsure::ErrorSource::InFile(Some(errors)),
+            None => unsure::ErrorSource::Nowhere,
+        };
+        let told = found.into_iter().map(|result| with_facts(scene, asked, looked, result));
         set.geometry.push(solution.map_or(shape, |solution| Geometry::volume(name, &solution.mesh)));
         set.results.extend(told.map(|result| match solution {
             Some(solution) => all_nodes::spread(result, solution),
@@ -93,7 +101,12 @@ pub fn solve(
 }
 
 /// Adds to a result the poses, freedom and loads of its control elements, and a reason where its error is unknown.
-fn with_facts(scene: &Resolved, all: &[PoseRequest<'_>], result: PoseResult) -> PoseResult {
+fn with_facts(
+    scene: &Resolved,
+    all: &[PoseRequest<'_>],
+    looked: unsure::ErrorSource<'_>,
+    result: PoseResult,
+) -> PoseResult {
     let Some(asked) = all.iter().find(|one| one.pose == result.pose && one.body == result.body) else {
         return result;
     };
@@ -107,7 +120,7 @@ fn with_facts(scene: &Resolved, all: &[PoseRequest<'_>], result: PoseResult) -> 
     told.loads.clone_from(&asked.loads);
     told.after = asked.after.map(|before| all[before].pose.to_owned());
     if told.error == Sureness::default() {
-        let why = unsure::why(scene, &result.body, unsure::ErrorSource::Nowhere, &asked.freedom);
+        let why = unsure::why(scene, &result.body, looked, &asked.freedom);
         told.error = Sureness::Unknown(why);
     }
     PoseResult { told, ..result }

@@ -6,7 +6,7 @@ use super::exporters::{EXPORTERS, find_surface};
 use super::result_set::ResultSet;
 use crate::base::diagnostic::notice;
 use crate::base::failure::Failure;
-use crate::base::output;
+use crate::base::output::{self, Kind};
 use std::path::{Path, PathBuf};
 
 /// Files that share one name, to which each exporter appends its suffix.
@@ -76,15 +76,18 @@ impl Files {
         })
     }
 
-    /// Writes the files, and removes those of an earlier run that this run has no results for: all of it, or nothing. Returns
-    /// the paths of the files.
-    pub fn write(&self, set: &ResultSet) -> Result<Vec<PathBuf>, Failure> {
+    /// Writes the files, and removes those of an earlier run that this run neither reads nor has results for: all of it, or
+    /// nothing. Returns the paths of the files.
+    pub fn write(&self, set: &ResultSet, inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+        let is_old = |path: &Path, kind: &Kind| {
+            output::is(path, kind) && output::may_replace(path, kind, inputs).is_ok()
+        };
         let mut written = Vec::new();
         let (mut staged, mut old) = (Vec::new(), Vec::new());
         for exporter in EXPORTERS.iter().filter(|exporter| exporter.spread == Spread::AllPoses) {
             let path = self.path(exporter.suffix);
             if !set.has(exporter.needs) {
-                old.extend(output::is(&path, &exporter.kind).then_some(path));
+                old.extend(is_old(&path, &exporter.kind).then_some(path));
                 continue;
             }
             let contents = (exporter.write)(set);
@@ -94,7 +97,7 @@ impl Files {
         let is_found = |pose: &str| set.results.iter().any(|result| result.pose == pose);
         for (exporter, pose, path) in self.of_poses() {
             if !is_found(pose) {
-                old.extend(output::is(&path, &exporter.kind).then_some(path));
+                old.extend(is_old(&path, &exporter.kind).then_some(path));
                 continue;
             }
             let contents = (exporter.write)(&set.of_pose(pose));

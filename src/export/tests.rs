@@ -248,10 +248,12 @@ fn files_of_a_pose_that_is_missed_now_are_removed() {
     let files =
         Files::new(&folder.path().join("out"), &["stl".to_owned()], vec!["guided".to_owned()]).unwrap();
     let mut set = solved("linear", "tet4", PUSHED);
-    files.write(&set).unwrap();
+    files.write(&set, &[]).unwrap();
     let surface = folder.path().join("out.guided.stl");
     assert!(surface.exists());
     set.results.retain(|result| result.pose != "guided");
-    files.write(&set).unwrap();
+    files.write(&set, std::slice::from_ref(&surface)).unwrap();
+    assert!(surface.exists(), "what the run reads stays");
+    files.write(&set, &[]).unwrap();
     assert!(!surface.exists());
 }

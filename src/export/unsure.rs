@@ -1,6 +1,6 @@
 //! Reasons why it is unknown how sure the forces of a body are.
 
-use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, MovedErrors};
+use crate::deform::{COMPONENTS, ExpectedErrors, Freedom, MovedErrors, percent};
 use crate::effect::expected::{CHANGED, finer_mesh, unmeasurable};
 use crate::effect::{Resolved, name_of};
 use crate::fem::TET10;
@@ -22,11 +22,16 @@ pub(super) fn why(scene: &Resolved, name: &str, looked: ErrorSource<'_>, freedom
         return finer_mesh(body);
     }
     if resolved.model.law().is_some() {
-        let finer = match *body.element == TET10 {
-            true => finer_mesh(body),
-            false => "solve again with element = \"tet10\", and compare".to_owned(),
+        let measured = match looked {
+            ErrorSource::InFile(errors) => errors.and_then(ExpectedErrors::mesh),
+            ErrorSource::Nowhere => None,
         };
-        return format!("none by the model; for the mesh's part {finer}");
+        let of_mesh = match measured {
+            Some(mesh) => format!("the mesh adds up to {} in small motions", percent(mesh.wrench)),
+            None if *body.element == TET10 => format!("for the mesh's part {}", finer_mesh(body)),
+            None => "for the mesh's part solve again with element = \"tet10\", and compare".to_owned(),
+        };
+        return format!("none by the model; {of_mesh}");
     }
     if body.is_updated() {
         return CHANGED.to_owned();
@@ -75,7 +80,7 @@ fn of_free_ends(errors: &ExpectedErrors) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::deform::{Deviation, ErrorsAt, Hung, Reach};
+    use crate::deform::{Deviation, ErrorsAt, Hung, MeshErrors, Reach};
     use crate::scene::Scene;
     use std::path::Path;
 
@@ -112,6 +117,20 @@ mod tests {
         assert_eq!(why_of(&changed, ErrorSource::InFile(None), &[]), CHANGED);
         let lists = scene("effects = [\"expected_errors\"]", &BOTH);
         assert!(why_of(&lists, ErrorSource::Nowhere, &[]).contains("--all-nodes"));
+    }
+
+    /// It was called unknown where `check` knew it.
+    #[test]
+    fn of_a_model_of_equilibrium_the_measured_part_of_the_mesh_is_told() {
+        let scene = scene("model = \"stvk\"", &BOTH);
+        let mesh = MeshErrors { wrench: 3.92, shape: 0.072, stiffness: None, loads: Vec::new() };
+        let moved = MovedErrors { mesh: Some(mesh), ..MovedErrors::default() };
+        let errors = ExpectedErrors { moved: vec![moved], ..ExpectedErrors::default() };
+        assert_eq!(
+            why_of(&scene, ErrorSource::InFile(Some(&errors)), &[]),
+            "none by the model; the mesh adds up to 392 % in small motions"
+        );
+        assert!(why_of(&scene, ErrorSource::Nowhere, &[]).contains("solve again with element"));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::base::output::Kind;
 use crate::base::text::one_line;
 use crate::deform::NodeStress;
 use crate::mesh::formats::vtu_write::{self, Cell, Piece};
+use indexmap::IndexSet;
 use nalgebra::Vector3;
 
 /// The surface of each body that is shown online, and all tetrahedra of the others.
@@ -32,12 +33,8 @@ fn bodies(set: &ResultSet) -> Vec<u8> {
 /// poses, as VTK asks for; a body that a pose does not name is at rest in it, one that has no equilibrium there is NaN.
 fn pieces(set: &ResultSet) -> Vec<Piece<'_>> {
     let ResultSet { geometry, results, missed } = set;
-    let mut poses: Vec<&str> = Vec::new();
-    for result in results {
-        if !poses.contains(&result.pose.as_str()) {
-            poses.push(&result.pose);
-        }
-    }
+    let found = results.iter().map(|result| result.pose.as_str());
+    let poses: IndexSet<&str> = found.chain(missed.iter().map(|missed| missed.pose.as_str())).collect();
     geometry
         .iter()
         .map(|g| {
@@ -72,7 +69,7 @@ fn pieces(set: &ResultSet) -> Vec<Piece<'_>> {
 }
 
 /// The three fields of every pose, where any body has them; NaN where nothing is known.
-fn scalars(set: &ResultSet, g: &Geometry, poses: &[&str]) -> Vec<(String, Vec<f64>)> {
+fn scalars(set: &ResultSet, g: &Geometry, poses: &IndexSet<&str>) -> Vec<(String, Vec<f64>)> {
     if !set.has_stress() {
         return Vec::new();
     }
@@ -100,7 +97,7 @@ fn scalars(set: &ResultSet, g: &Geometry, poses: &[&str]) -> Vec<(String, Vec<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::export::result_set::PoseResult;
+    use crate::export::result_set::{MissedPose, PoseResult};
 
     #[test]
     fn names_of_poses_leave_the_file_readable() {
@@ -137,6 +134,7 @@ mod tests {
         assert_eq!(names, expected.map(|pose| format!("displacement {pose}")));
     }
 
+    /// ParaView showed nothing of a pose that had no equilibrium.
     #[test]
     fn every_piece_has_the_fields_of_all_poses() {
         let geometry = ["a", "b"].map(|body| Geometry {
@@ -153,10 +151,13 @@ mod tests {
             stress: None,
             told: Default::default(),
         });
-        let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: Vec::new() };
+        let missed = MissedPose { pose: "half".into(), body: "a".into(), why: String::new() };
+        let set = ResultSet { geometry: geometry.into(), results: results.into(), missed: vec![missed] };
         for piece in pieces(&set) {
             let names: Vec<&str> = piece.vectors.iter().map(|(name, _)| name.as_str()).collect();
-            assert_eq!(names, ["displacement pull", "displacement push"]);
+            assert_eq!(names, ["displacement pull", "displacement push", "displacement half"]);
         }
+        let missed = pieces(&set)[0].vectors[2].1[0];
+        assert!(missed.x.is_nan(), "{missed}");
     }
 }

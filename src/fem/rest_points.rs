@@ -4,11 +4,12 @@
 //! E = sym H + ½ HᵀH, H = Σ u_a ⊗ G_a. Elements that take means of the dilatation are refused.
 
 use super::assembly::AssemblyError;
-use super::element::Element;
+use super::element::{Dilatation, Element};
 use super::lame::Lame;
 use super::stiffness::NodeFields;
 use super::strain_points::StrainPoints;
-use crate::mesh::TetMesh;
+use super::tet10;
+use crate::mesh::{TetMesh, quadratic};
 use nalgebra::{Matrix3, Vector3};
 
 /// All points of a body.
@@ -31,13 +32,21 @@ pub struct RestPoint<'a> {
 }
 
 impl RestPoints {
-    /// Errors as [`Element::assemble`], and where the element takes means.
+    /// Errors as [`Element::assemble`] and [`RestPoints::suits`].
     pub fn new(element: &Element, mesh: &TetMesh, lame: &[Lame]) -> Result<RestPoints, AssemblyError> {
-        let points = element.points(mesh, lame)?;
-        if points.means.count() > 0 {
-            return Err(AssemblyError::NoQuartic { element: element.name });
+        RestPoints::suits(element, mesh)?;
+        Ok(RestPoints { nodes: mesh.nodes.len(), points: element.points(mesh, lame)? })
+    }
+
+    /// Errors where the element's dilatation is a mean, or projected as in curved tetrahedra: its energy is no quartic.
+    pub fn suits(element: &Element, mesh: &TetMesh) -> Result<(), AssemblyError> {
+        let place = |node: u32| mesh.nodes[node as usize];
+        let is_straight = |tet: usize| tet10::is_straight(&quadratic::nodes(mesh, tet).map(place));
+        let are_straight = mesh.mids.is_empty() || (0..mesh.tets.len()).all(is_straight);
+        match element.dilatation == Dilatation::Own && are_straight {
+            true => Ok(()),
+            false => Err(AssemblyError::NoQuartic { element: element.name }),
         }
-        Ok(RestPoints { nodes: mesh.nodes.len(), points })
     }
 
     pub fn count(&self) -> usize {

@@ -7,11 +7,12 @@ use super::floating::{Floating, floating};
 use super::pieces;
 use crate::base::diagnostic::{Diagnostic, Severity};
 use crate::base::extent::bounding_box;
-use crate::fem::{Element, Lame};
+use crate::fem::Lame;
 use crate::mesh::TetMesh;
 use crate::mesh::diagnostics::{self, digits, place};
 use crate::mesh::length_unit::implausible;
 use crate::mesh::walls::{FEW, ThinWalls, thin_walls, walls_too_thin};
+use crate::scene::proposal::choice::{ERRORS, without_locking};
 use crate::scene::{Body, Material, Method, Scene};
 use indexmap::IndexMap;
 use std::collections::BTreeSet;
@@ -89,6 +90,10 @@ pub fn walls(entity: &str, body: &Body, mesh: &TetMesh) -> Option<Diagnostic> {
     let [thin, long] = [thickness, edge].map(digits);
     let advice = match body.method {
         Method::Bem => format!("Write longest_edge = {thin}, or fill the body (no method) with tet10"),
+        Method::Fem if without_locking(body).is_empty() => {
+            "More layers do not help, and this model and these effects take linear tetrahedra alone"
+                .to_owned()
+        }
         Method::Fem => "More layers do not help: write element = \"tet10\"".to_owned(),
     };
     let message = format!(
@@ -117,7 +122,7 @@ pub fn materials(
     }
     let locks = |material: &Material| body.method == Method::Fem && material.poisson > LOCKING;
     for (key, Material { poisson, .. }) in named.filter(|(_, material)| locks(material)) {
-        let (severity, advice) = nearly_incompressible(body.element);
+        let (severity, advice) = nearly_incompressible(body);
         let message = format!("Poisson's ratio {poisson}: {advice}");
         findings.push(Diagnostic::new(severity, format!("{entity}.{key}"), message));
         findings.push(Diagnostic::new(Severity::Detail, format!("{entity}.{key}"), COARSE));
@@ -148,20 +153,24 @@ pub fn materials(
 const COARSE: &str = "at Poisson's ratio 0.4999 the moment of a bent bar errs by 31 % with 4 cells of tet4_anp through its \
                       thickness and by 10 % with 8, by 9 % with 2 of tet10 and by 2 % with 4";
 
-/// Warning or note for an element near ν = 1/2, with a remedy.
-fn nearly_incompressible(element: &Element) -> (Severity, &'static str) {
-    match element.locks {
-        true => (
-            Severity::Warning,
-            "linear tetrahedra lock, and the body is too stiff. Write element = \"tet10\" (least error) or \"tet4_anp\" \
-             (same nodes)",
-        ),
-        false => (
-            Severity::Note,
-            "the element does not lock, but coarse meshes are too stiff. effects = [\"expected_errors\"] measures by how \
-             much",
-        ),
+/// Warning or note for the element of a body near ν = 1/2, with a remedy that its model and effects take.
+fn nearly_incompressible(body: &Body) -> (Severity, String) {
+    if body.element.locks {
+        let remedy = match without_locking(body) {
+            [] => format!(
+                "Write a Poisson's ratio of at most {LOCKING}: this model and these effects take linear tetrahedra alone"
+            ),
+            [element] => format!("Write element = \"{}\"", element.name),
+            [least, other, ..] => {
+                format!("Write element = \"{}\" (least error) or \"{}\" (same nodes)", least.name, other.name)
+            }
+        };
+        return (Severity::Warning, format!("linear tetrahedra lock, and the body is too stiff. {remedy}"));
     }
+    let is_measured = body.effects.iter().any(|effect| effect == ERRORS);
+    let advice =
+        if is_measured { String::new() } else { format!(". effects = [\"{ERRORS}\"] measures by how much") };
+    (Severity::Note, format!("the element does not lock, but coarse meshes are too stiff{advice}"))
 }
 
 /// "region 2 and a part of region 3 (bone) float".

@@ -57,6 +57,8 @@ pub enum GreenError {
     InBackground(Arc<GreenError>),
     #[error(transparent)]
     Output(#[from] OutputError),
+    #[error("{}: is not a .green file", path.display())]
+    Foreign { path: PathBuf },
     #[error("{}: {reason}; run `greenstage precompute --force` on its scene to make it anew", path.display())]
     Damaged { path: PathBuf, reason: String },
     #[error(
@@ -72,7 +74,7 @@ impl GreenError {
     pub fn is_request(&self) -> bool {
         match self {
             GreenError::Scene(error) => error.is_request(),
-            GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
+            GreenError::Foreign { .. } | GreenError::Damaged { .. } | GreenError::Stale { .. } => true,
             GreenError::Assembly { .. }
             | GreenError::ControlCount { .. }
             | GreenError::NoEquilibria { .. }

@@ -8,10 +8,12 @@
 use super::bytes::{Bytes, Number};
 use super::compressed::Shapes;
 use super::error::GreenError;
+use super::kind::GREEN;
 use super::on_demand::{OnDemand, SolvedCompliance};
 use super::on_disk::{OnDisk, Recent};
 use super::requirements::Requirements;
 use crate::base::columns::Storage;
+use crate::base::output;
 use safetensors::tensor::{Dtype, Metadata};
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
@@ -199,12 +201,18 @@ impl GreenFile {
         }
         let file = std::fs::File::open(path).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
+        if length == 0 {
+            return Err(failed(std::io::Error::new(ErrorKind::NotFound, "the file is empty")));
+        }
         let unread = |source: std::io::Error| match source.kind() {
             ErrorKind::UnexpectedEof => damaged("it is cut short".into()),
             ErrorKind::InvalidData => damaged(source.to_string()),
             _ => failed(source),
         };
-        let header = Bytes::header(&mut &file, length).map_err(unread)?;
+        let header = Bytes::header(&mut &file, length).map_err(|source| match output::is(path, &GREEN) {
+            true => unread(source),
+            false => GreenError::Foreign { path: path.to_owned() },
+        })?;
         let (meta, mut tensors) = read_container(&header, length).map_err(damaged)?;
         let (places, left) = leave(&meta, &mut tensors);
         let on_disk = OnDisk::new(file, places);

@@ -129,7 +129,7 @@ mod tests {
             (", limit = { strain = nan }", "", "is no limit"),
             (", limit = { stress = -1.0 }", "", "is no limit"),
             (", limit = { strian = 0.3 }", "", "any.toml:4:"),
-            (", limit = { stress = 1.0, strain = 0.3 }", "", "any.toml:4:"),
+            (", limit = { stress = 1.0, strain = 0.3 }", "", "this table takes exactly one of its keys"),
             ("", "legend = { show = \"stress\" }", "any.toml:1:"),
             ("", "legend = { to = 0.0 }", "any.toml: legend: to = 0"),
         ] {

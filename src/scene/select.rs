@@ -179,7 +179,7 @@ fn tags(mesh: &TetMesh, path: &Path) -> Result<Vec<u32>, String> {
         .map_err(|error| failed(&error))?;
     let index: BTreeMap<u64, u32> = mesh.tags.iter().copied().zip(0..).collect();
     let mut nodes = Vec::new();
-    for (number, line) in text.lines().enumerate() {
+    for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let word = line.split('#').next().unwrap_or("").trim();
         if word.is_empty() {
             continue;
@@ -293,6 +293,11 @@ mod tests {
     #[test]
     fn tag_files_have_comments_and_name_their_lines() {
         assert_eq!(tag_file("good", b"# tags\n80 # last\n\n 10\n80\n").unwrap(), [0, 7]);
+        assert_eq!(
+            tag_file("marked", "\u{feff}10\n80\n".as_bytes()).unwrap(),
+            [0, 7],
+            "with a mark of its encoding"
+        );
         let unknown = tag_file("unknown", b"10\n11\n").unwrap_err();
         assert!(unknown.contains(":2:") && unknown.contains("tag 11"), "{unknown}");
         let word = tag_file("word", b"10\n\nten\n").unwrap_err();

@@ -11,7 +11,7 @@ use crate::base::progress::{Bars, Progress};
 use crate::green::GreenFile;
 use crate::prepare::Resolved;
 use crate::scene::Scene;
-use crate::scene::proposal::relative;
+use crate::scene::proposal::stage_from_scene;
 use crate::stage::Stage;
 use crate::track::Script;
 use crate::{effect, prepare, stage};
@@ -96,7 +96,7 @@ impl Session {
         session.curve = request.curve.map(Path::to_owned);
         session.sound = request.sound.map(SoundFile::new);
         session.file = Some(file);
-        session.scene = Some(scene.with_stage(stage_from_scene(scene, &named)));
+        session.scene = Some(scene.with_stage(stage_from_scene(&named, &scene.path)));
         request.record.map_or(Ok(()), |path| session.record(path))?;
         Ok(session)
     }
@@ -109,14 +109,6 @@ pub fn stage(scene: &Scene, asked: Option<&str>) -> Result<Stage, Failure> {
         Some(_) => Failure::request(error),
         None => Failure::request(scene.invalid("stage", error.to_string())),
     })
-}
-
-/// A stage as the scene would name it: a file by its path from the scene's folder.
-fn stage_from_scene(scene: &Scene, named: &str) -> String {
-    match named.ends_with(".toml") {
-        true => relative(Path::new(named), &scene.path).display().to_string(),
-        false => named.to_owned(),
-    }
 }
 
 /// The script that is asked for, else the scene's, if it has one; a path in the scene file is relative to it.

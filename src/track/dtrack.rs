@@ -12,7 +12,7 @@
 
 use super::device::DeviceState;
 use super::listen::Listen;
-use super::source_entry::{SourceEntry, SourceSettings, keys};
+use super::source_entry::{ANY, SourceEntry, SourceSettings, keys};
 use super::udp::{Parser, settings};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use std::net::Ipv4Addr;
@@ -36,7 +36,8 @@ const DAY_S: f64 = 86_400.0;
 /// be in another time zone.
 const OTHER_DAY_S: f64 = 0.75 * DAY_S;
 
-pub const SOURCE: SourceEntry = SourceEntry { key: "dtrack", more_keys: &["interface"], read };
+pub const SOURCE: SourceEntry =
+    SourceEntry { key: "dtrack", more_keys: &["interface"], sensors: ANY, has_buttons: true, read };
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

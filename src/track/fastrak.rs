@@ -24,7 +24,13 @@ const LONGEST_LINE: usize = 256;
 const SILENCE_S: f64 = 3.0;
 const WAKE: Duration = Duration::from_millis(50);
 
-pub const SOURCE: SourceEntry = SourceEntry { key: "fastrak", more_keys: &["baud"], read };
+pub const SOURCE: SourceEntry = SourceEntry {
+    key: "fastrak",
+    more_keys: &["baud"],
+    sensors: Some(1..=STATIONS as i32),
+    has_buttons: true,
+    read,
+};
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

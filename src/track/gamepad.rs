@@ -14,7 +14,8 @@ const AXIS: u8 = 2;
 /// Set in the records that describe the state at the time of opening.
 const INITIAL: u8 = 0x80;
 
-pub const SOURCE: SourceEntry = SourceEntry { key: "gamepad", more_keys: &[], read };
+pub const SOURCE: SourceEntry =
+    SourceEntry { key: "gamepad", more_keys: &[], sensors: None, has_buttons: true, read };
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

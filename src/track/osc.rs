@@ -17,7 +17,13 @@ const LARGEST: usize = 4 << 10;
 const DEEPEST: usize = 32;
 const SENSORS: usize = 9;
 
-pub const SOURCE: SourceEntry = SourceEntry { key: "osc", more_keys: &["interface", "euler"], read };
+pub const SOURCE: SourceEntry = SourceEntry {
+    key: "osc",
+    more_keys: &["interface", "euler"],
+    sensors: Some(0..=SENSORS as i32 - 1),
+    has_buttons: false,
+    read,
+};
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -8,13 +8,20 @@ use crate::config;
 use crate::stage::StageError;
 use serde::de::DeserializeOwned;
 use std::net::SocketAddr;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+
+/// Sensors with any number.
+pub const ANY: Option<RangeInclusive<i32>> = Some(i32::MIN..=i32::MAX);
 
 pub struct SourceEntry {
     /// The key that makes a table one of this kind.
     pub key: &'static str,
     /// Keys that go with it.
     pub more_keys: &'static [&'static str],
+    /// Numbers that its sensors can have; `None` where it has none.
+    pub sensors: Option<RangeInclusive<i32>>,
+    pub has_buttons: bool,
     /// Checks the keys of the tracker of this name; an error says what is wrong and what to do.
     pub read: fn(tracker: &str, keys: &toml::Table) -> Result<SourceSettings, String>,
 }

@@ -3,7 +3,7 @@
 //! In: the table as the stage keeps it. Out: a running [`Source`], or an error that names file, line and remedy.
 
 use super::device::Source;
-use super::source_entry::{ExclusiveUse, OpenError, SourceEntry, SourceSettings};
+use super::source_entry::{ExclusiveUse, OpenError, SourceEntry};
 use super::{dtrack, fastrak, gamepad, osc, vrpn};
 use crate::config;
 use crate::stage::tracking::{SourceTable, TrackerSource, Tracking};
@@ -16,7 +16,8 @@ pub const SOURCES: &[SourceEntry] =
 pub fn open(tracker: &str, source: &TrackerSource) -> Result<Box<dyn Source>, OpenError> {
     match source {
         TrackerSource::Table(table) => {
-            let settings = read(tracker, table).map_err(|message| invalid(table, message))?;
+            let settings = entry(tracker, table).and_then(|entry| (entry.read)(tracker, &table.keys));
+            let settings = settings.map_err(|message| invalid(table, message))?;
             (settings.open)(tracker)
         }
         TrackerSource::Haptic(_) => {
@@ -58,7 +59,11 @@ fn faults(tracking: &Tracking) -> Vec<(&SourceTable, String)> {
     let mut found = Vec::new();
     for (name, tracker) in &tracking.trackers {
         let TrackerSource::Table(table) = &tracker.source else { continue };
-        let settings = match read(name, table) {
+        let settings = entry(name, table).and_then(|entry| {
+            let settings = (entry.read)(name, &table.keys)?;
+            heard(entry, name, tracking).map(|()| settings)
+        });
+        let settings = match settings {
             Ok(settings) => settings,
             Err(message) => {
                 found.push((table, message));
@@ -80,10 +85,36 @@ fn faults(tracking: &Tracking) -> Vec<(&SourceTable, String)> {
     found
 }
 
-/// Finds the entry of a table by its keys, and has it read them.
-fn read(tracker: &str, table: &SourceTable) -> Result<SourceSettings, String> {
+/// Errors for a sensor or a button of the stage that a tracker of this kind never reports.
+fn heard(entry: &SourceEntry, tracker: &str, tracking: &Tracking) -> Result<(), String> {
+    let SourceEntry { key, sensors, .. } = entry;
+    for (name, sensor) in tracking.sensors.iter().filter(|(_, sensor)| sensor.tracker == tracker) {
+        if sensors.as_ref().is_none_or(|sensors| !sensors.contains(&sensor.id)) {
+            let has = match sensors {
+                None => "no sensors".to_owned(),
+                Some(sensors) => format!("the sensors {} to {}", sensors.start(), sensors.end()),
+            };
+            return Err(format!(
+                "sensor `{name}` has id = {}, and tracker `{tracker}` ({key}) has {has}",
+                sensor.id
+            ));
+        }
+    }
+    for (name, stylus) in tracking.styli.iter().filter(|_| !entry.has_buttons) {
+        if [&stylus.grab, &stylus.second].into_iter().flatten().any(|button| button.tracker == tracker) {
+            return Err(format!(
+                "stylus `{name}` names a button of tracker `{tracker}` ({key}), which has none: take one of another tracker"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Finds the entry of a table by its keys.
+fn entry(tracker: &str, table: &SourceTable) -> Result<&'static SourceEntry, String> {
     let keys = &table.keys;
-    let given: Vec<&SourceEntry> = SOURCES.iter().filter(|entry| keys.contains_key(entry.key)).collect();
+    let given: Vec<&'static SourceEntry> =
+        SOURCES.iter().filter(|entry| keys.contains_key(entry.key)).collect();
     for key in keys.keys().filter(|key| given.iter().all(|entry| entry.key != key.as_str())) {
         let goes_with = |entry: &&SourceEntry| entry.more_keys.contains(&key.as_str());
         let with: Vec<&str> = SOURCES.iter().filter(goes_with).map(|entry| entry.key).collect();
@@ -99,7 +130,7 @@ fn read(tracker: &str, table: &SourceTable) -> Result<SourceSettings, String> {
         }
     }
     match given[..] {
-        [entry] => (entry.read)(tracker, keys),
+        [entry] => Ok(entry),
         _ => {
             let given: Vec<&str> = given.iter().map(|entry| entry.key).collect();
             let found = if given.is_empty() { "none of them".to_owned() } else { given.join(" and ") };

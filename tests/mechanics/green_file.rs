@@ -291,7 +291,7 @@ fn a_file_that_shrinks_while_it_is_open_changes_nothing() {
     deformer.evaluate(&[some_pose(0.3), some_pose(2.0)]);
     assert!(deformer.positions().as_flattened().iter().all(|x| x.is_finite()));
     let error = GreenFile::open(&path).unwrap_err();
-    assert!(matches!(error, GreenError::Damaged { .. }), "{error}");
+    assert!(error.to_string().ends_with("the file is empty"), "{error}");
 }
 
 /// Flat control elements whose planes lie along no axis: no column vanishes, though three of each depend on the others. The file is read

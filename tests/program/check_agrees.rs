@@ -6,6 +6,7 @@ use common::{folder, program, text};
 use greenstage::deform::MODELS;
 use greenstage::prepare::Resolved;
 use greenstage::session::{Request, Session};
+use std::path::Path;
 
 const ENDS: &str = "control.left = { nodes = { group = \"xmin\" }, grab = \"fixed\" }\n\
                     control.right = { nodes = { group = \"xmax\" }, grab = \"dragger\" }\n";
@@ -76,6 +77,80 @@ fn a_heavy_body_of_large_strain_passes_the_check_and_opens_in_a_session() {
     assert!(!text(&check.stdout).contains("warning: body.b"), "{}", text(&check.stdout));
     let scene = Resolved::load(&place.join("heavy.toml")).unwrap();
     assert!(Session::open(&Request::new(&scene)).is_ok());
+}
+
+/// What `check` says of a bar with these keys, with its status.
+fn checked(place: &Path, lines: &str) -> (Option<i32>, String) {
+    let scene = format!(
+        "[body.b]\ngenerate = {{ block = {{ size = [2.0, 0.5, 0.5], cells = [8, 2, 2] }} }}\n\
+         material.young = 1.0e6\n{lines}\n{ENDS}"
+    );
+    std::fs::write(place.join("scene.toml"), scene).unwrap();
+    let output = program(place, &["check", "scene.toml"]).output().unwrap();
+    (output.status.code(), text(&output.stdout))
+}
+
+/// The elements that were advised gave errors.
+#[test]
+fn the_elements_that_are_advised_against_locking_are_taken() {
+    let place = folder("check-locking");
+    let of = |lines: &str| checked(&place, &format!("material.poisson = 0.49\n{lines}"));
+    let mut advised = 0;
+    for model in MODELS {
+        let name = model.name;
+        let (status, said) = of(&format!("model = \"{name}\""));
+        if status == Some(2) {
+            continue;
+        }
+        for element in ["tet10", "tet4_anp"].into_iter().filter(|name| said.contains(&format!("\"{name}\"")))
+        {
+            let (status, said) = of(&format!("model = \"{name}\"\nelement = \"{element}\""));
+            assert_eq!(status, Some(0), "{name}, {element}: {said}");
+            advised += 1;
+        }
+    }
+    assert!(advised > 10, "{advised}");
+    let (_, said) = of("element = \"tet10\"\neffects = [\"expected_errors\"]");
+    assert!(said.contains("coarse meshes are too stiff") && !said.contains("measures by how much"), "{said}");
+}
+
+/// Each passed the check, and a solve refused it.
+#[test]
+fn an_element_without_a_quartic_and_a_texture_that_is_not_there_are_errors() {
+    let place = folder("check-refused");
+    for model in ["reduced", "reduced_neo_hookean", "perturbation"] {
+        let lines = format!("material.poisson = 0.3\nmodel = \"{model}\"\nelement = \"tet4_anp\"");
+        let (status, said) = checked(&place, &lines);
+        assert!(status == Some(2) && said.contains("is no quartic"), "{model}: {said}");
+    }
+    let (status, said) = checked(&place, "material.poisson = 0.3\ntexture = \"none.png\"");
+    assert!(status == Some(2) && said.contains("body.b.texture") && said.contains("none.png"), "{said}");
+}
+
+/// A model was recommended that the body refuses.
+#[test]
+fn no_model_is_recommended_that_the_body_refuses() {
+    let place = folder("check-recommended");
+    for (lines, other) in
+        [("", true), ("method = \"bem\"", false), ("surface_compliance = { nodes = \"surface\" }", false)]
+    {
+        let (_, said) = checked(&place, &format!("material.poisson = 0.3\nmodel = \"linear\"\n{lines}"));
+        assert!(said.contains("model linear: its shape is good"), "{said}");
+        assert_eq!(said.contains("; reduced"), other, "{lines}: {said}");
+    }
+}
+
+#[test]
+fn keys_that_nothing_reads_are_told() {
+    let place = folder("check-unread");
+    let keys =
+        "material.poisson = 0.3\nparts = { along = 2 }\nsolver = { method = \"cholesky\", tolerance = 1e-4 }";
+    let (_, said) = checked(&place, keys);
+    assert!(said.contains("body.b.parts: is not used: the model \"linear\""), "{said}");
+    assert!(said.contains("\"cholesky\" does not iterate"), "{said}");
+    let (_, said) =
+        checked(&place, "material.poisson = 0.3\nmodel = \"substructured\"\nparts = { along = 2 }");
+    assert!(!said.contains("is not used"), "{said}");
 }
 
 /// Two blocks, the second at `x` from the first.

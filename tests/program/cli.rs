@@ -304,6 +304,31 @@ fn bad_meshes_are_refused() {
     refuse(&flat, &["precompute", "scene.toml"], &["body.block", "1 tetrahedra have no volume", "nodes ["]);
 }
 
+/// Each was ignored, and the run did something else than was asked for.
+#[test]
+fn options_that_a_run_does_not_use_are_refused() {
+    let folder = project("cli-options");
+    for (arguments, option) in [
+        ("bench scene.toml --model rod", "--model"),
+        ("bench scene.toml --nodes 50", "--nodes"),
+        ("bench scene.toml --limit 3", "--limit"),
+        ("bench scene.toml --storage f16", "--storage"),
+        ("bench --effects=haptic", "'--effects"),
+        ("verify haptics --bodies 3", "--bodies"),
+        ("track desktop --once --rate 5", "--script"),
+        ("view scene.toml --check --seconds 0.1", "--seconds"),
+        ("view scene.toml --check --overlay", "--overlay"),
+        ("view scene.toml --check --samples 4", "--samples"),
+        ("stage-view desktop --time 5", "--output"),
+        ("stage-view desktop -o x.png --time 5", "--time"),
+        ("stage-view desktop -o x.png --green nix.green", "--green"),
+        ("stage-view desktop -o x.png --tracker nope=1", "--tracker"),
+        ("pattern desktop -o pat --window-scale 0.1", "--window-scale"),
+    ] {
+        refuse(&folder, &arguments.split(' ').collect::<Vec<_>>(), &[option]);
+    }
+}
+
 #[test]
 fn damaged_and_stale_green_files_are_refused() {
     let folder = project("cli-damaged");

@@ -188,6 +188,33 @@ fn deform_overwrites_and_removes_its_own_results_alone() {
     refuse(&folder, &onto("poses.toml/out"), "cannot make the folder poses.toml");
 }
 
+/// A pose file was removed by the run that was given it, as one that an earlier run had left.
+#[test]
+fn deform_keeps_the_pose_file_that_it_reads() {
+    let folder = project("outputs-poses");
+    std::fs::write(folder.join("free.toml"), PULL.replace("0.0] }", "0.0], free = [\"rotation\"] }"))
+        .unwrap();
+    succeed(&folder, &["deform", "scene.toml", "--poses", "free.toml", "-o", "b"]);
+    let found = std::fs::read(folder.join("b.poses.toml")).unwrap();
+    let told = succeed(&folder, &["deform", "scene.toml", "--poses", "b.poses.toml", "-o", "b"]);
+    assert!(!told.contains("is removed"), "{told}");
+    assert_eq!(std::fs::read(folder.join("b.poses.toml")).unwrap(), found);
+}
+
+/// Both were called damaged, to be made anew by force.
+#[test]
+fn an_empty_file_counts_as_absent_and_a_foreign_one_is_told() {
+    let folder = project("outputs-empty");
+    std::fs::write(folder.join("scene.green"), "").unwrap();
+    succeed(&folder, &DEFORM);
+    std::fs::write(folder.join("other.green"), "").unwrap();
+    succeed(&folder, &["precompute", "scene.toml", "-o", "other.green"]);
+    refuse(&folder, &["pack", "poses.toml"], "poses.toml: is not a .green file");
+    std::fs::write(folder.join("scene.green"), "hallo").unwrap();
+    let checked = text(&run(&folder, &["check", "scene.toml"]).stdout);
+    assert!(checked.contains("warning: scene.green: is not a .green file"), "{checked}");
+}
+
 #[test]
 fn convert_overwrites_meshes_of_the_format_but_not_what_it_reads() {
     let folder = project("outputs-convert");

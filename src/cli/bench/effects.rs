@@ -27,16 +27,16 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Measure what each effect costs on generated blocks; with names, those alone: --effects=NAME,NAME
-    #[arg(long, value_name = "NAME", num_args = 0.., require_equals = true, value_delimiter = ',', conflicts_with_all = ["scene", "sizes", "replay", "stage"])]
+    #[arg(long, value_name = "NAME", num_args = 0.., require_equals = true, value_delimiter = ',', value_parser = parsers::effect, conflicts_with_all = ["scene", "sizes", "replay", "stage"])]
     pub effects: Option<Vec<String>>,
     /// Nodes of the blocks of --effects, about
-    #[arg(long, value_delimiter = ',', default_values_t = [1000, 10_000, 100_000], requires = "effects")]
+    #[arg(long, value_delimiter = ',', default_values_t = [1000, 10_000, 100_000], requires = "effects", conflicts_with_all = ["scene", "sizes"])]
     pub nodes: Vec<usize>,
     /// Model of the blocks of --effects
-    #[arg(long, default_value = LINEAR.name, requires = "effects")]
+    #[arg(long, default_value = LINEAR.name, value_parser = parsers::model, requires = "effects", conflicts_with_all = ["scene", "sizes"])]
     pub model: String,
     /// Leave out what takes longer than this for one block of --effects, s
-    #[arg(long, default_value_t = 600.0, value_parser = parsers::positive, requires = "effects")]
+    #[arg(long, default_value_t = 600.0, value_parser = parsers::positive, requires = "effects", conflicts_with_all = ["scene", "sizes"])]
     pub limit: f64,
     /// Move the body of this scene, and print what its frames take as JSON
     #[arg(long, hide = true)]
@@ -132,8 +132,7 @@ pub struct Options<'a> {
 
 /// Measures all sizes, and prints tables, or the same as JSON.
 pub fn run(of: &Args, options: &Options<'_>) -> Result<(), Failure> {
-    let names: Vec<&str> =
-        of.effects.iter().flatten().map(String::as_str).filter(|name| !name.is_empty()).collect();
+    let names: Vec<&str> = of.effects.iter().flatten().map(String::as_str).collect();
     let resolved = Resolved::parse(&block(1, &of.model, &names), Path::new("block.toml"))?;
     let asked: Vec<_> = resolved.bodies[BODY].entries().collect();
     let effects = if asked.is_empty() { EFFECTS.iter().collect() } else { asked };

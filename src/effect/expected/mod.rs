@@ -230,7 +230,7 @@ fn model_errors(
 ) -> Vec<MovedErrors> {
     let (model, left_out) = (errors.model, &mut errors.left_out);
     if model.law().is_some() {
-        left_out.push(format!("the model \"{}\" is static equilibrium itself", model.name));
+        left_out.push(format!("what the model adds: \"{}\" is static equilibrium itself", model.name));
         return moved.iter().map(|_| MovedErrors::default()).collect();
     }
     progress.begin("errors of the loads", 1000);

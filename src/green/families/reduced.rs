@@ -138,12 +138,14 @@ const MOST_POINTS: usize = 256;
 /// Paths for each coordinate of the elements' relative motion.
 const PATHS: usize = 8;
 
-fn suits(place: &str, _: &Body, prepared: &Prepared) -> Result<(), GreenError> {
+fn suits(place: &str, body: &Body, prepared: &Prepared) -> Result<(), GreenError> {
     let count = prepared.controls.len();
-    if count <= MOST_ELEMENTS {
-        return Ok(());
+    if count > MOST_ELEMENTS {
+        let model = REDUCED.name;
+        return Err(GreenError::ControlCount { body: place.to_owned(), model, count, allowed: "1 to 4" });
     }
-    Err(GreenError::ControlCount { body: place.to_owned(), model: "reduced", count, allowed: "1 to 4" })
+    let unfit = |source| GreenError::Assembly { body: place.to_owned(), source };
+    RestPoints::suits(body.element, &prepared.mesh).map_err(unfit)
 }
 
 /// Refuses bodies without equilibria, from which the points are chosen.
@@ -153,6 +155,7 @@ fn suits_neo_hookean(place: &str, body: &Body, prepared: &Prepared) -> Result<()
     if count != 2 {
         return Err(GreenError::ControlCount { body: place.to_owned(), model, count, allowed: "2" });
     }
+    suits(place, body, prepared)?;
     let mut held: Vec<u32> =
         prepared.controls.iter().flat_map(|control| control.nodes.iter().copied()).collect();
     held.sort_unstable();

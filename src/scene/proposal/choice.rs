@@ -2,7 +2,7 @@
 //!
 //! In: a mesh, its material and [`Wishes`]. Out: a [`Choice`], with its reasons.
 
-use super::super::Material;
+use super::super::{Body, Material};
 use super::ends;
 use super::telling::Explanations;
 use super::wishes::Wishes;
@@ -44,6 +44,8 @@ const MOST_CONTROLS: usize = 4;
 /// Effects that answer how much force something takes; a model of equilibrium is measured against no other.
 pub const FORCES: [&str; 2] = ["haptics", "stress"];
 pub const ERRORS: &str = "expected_errors";
+/// The effect that divides linear tetrahedra alone.
+const CUT: &str = "cut";
 
 /// The model that holds furthest for a body of two control elements at the ends of this mesh, `nodes` with those on its edges;
 /// how far it holds, and what it costs.
@@ -208,6 +210,17 @@ fn element_of(model: &str, is_incompressible: bool, is_exact: bool, is_large: bo
         "reduced" | "reduced_neo_hookean" | "perturbation" if is_incompressible => &TET10,
         _ if is_incompressible => &TET4_ANP,
         _ => &TET4,
+    }
+}
+
+/// Elements that do not lock near a Poisson's ratio of 1/2 and that the model and effects of the body take, that of the least error
+/// first.
+pub fn without_locking(body: &Body) -> &'static [&'static Element] {
+    match body.model.as_str() {
+        _ if body.effects.iter().any(|effect| effect == CUT) => &[],
+        "substructured" => &[],
+        "reduced" | "reduced_neo_hookean" | "perturbation" => &[&TET10],
+        _ => &[&TET10, &TET4_ANP],
     }
 }
 

@@ -47,6 +47,9 @@ pub struct Proposal {
 /// Material of a body where neither the user nor the file's name gives one.
 pub const USUAL_MATERIAL: &str = "rubber";
 
+/// Stage of a scene where the user names none: one window.
+const USUAL_STAGE: &str = "desktop";
+
 /// A scene at `scene_path` for the mesh or surface file at `file`.
 pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Proposal, ProposalError> {
     let mut telling = Explanations::default();
@@ -62,13 +65,12 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         plausible(file, pull::extent(&loaded.mesh), known.largest_m, asked)?;
         (asked.unwrap_or(Scale::ONE).applied(loaded), None)
     };
-    let LoadedMesh { mesh, notices } = loaded;
-    telling.warnings.extend(notices);
-    size(&mut telling, &key, &mesh, wishes, filling);
+    let mesh = &loaded.mesh;
+    size(&mut telling, &key, mesh, wishes, filling);
     let material = material(&mut telling, &key, (known, why), wishes);
-    regions(&mut telling, &mesh);
-    let control = grouped::controls(&mut telling, &name, &mesh, wishes)?;
-    let choice = choice::choose(&mut telling, &key, &mesh, &material, control.len(), wishes);
+    regions(&mut telling, mesh);
+    let control = grouped::controls(&mut telling, &name, mesh, wishes)?;
+    let choice = choice::choose(&mut telling, &key, mesh, &material, control.len(), wishes);
     let body = Body {
         method: Default::default(),
         longest_edge: None,
@@ -83,8 +85,9 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         control,
         ..least_body()?
     };
-    let stage = wishes.stage.clone().unwrap_or_else(|| "desktop".to_owned());
-    telling.comment("stage", "one window; other displays: `greenstage manual stages`");
+    let stage = stage_from_scene(wishes.stage.as_deref().unwrap_or(USUAL_STAGE), scene_path);
+    let windows = if stage == USUAL_STAGE { "one window; " } else { "" };
+    telling.comment("stage", &format!("{windows}other displays: `greenstage manual stages`"));
     telling.comment(
         "",
         &format!(
@@ -102,8 +105,11 @@ pub fn propose(file: &Path, scene_path: &Path, wishes: &Wishes) -> Result<Propos
         path: scene_path.to_owned(),
     };
     let body = &scene.body[&name];
-    let mesh = if body.element.order == 2 { scene.load_mesh(&name, body)?.mesh } else { mesh };
-    let Explanations { comments, reasons, warnings } = telling;
+    // What of the file is used, and repaired, depends on the element.
+    let loaded = if body.element.order == 2 { scene.load_mesh(&name, body)? } else { loaded };
+    let LoadedMesh { mesh, notices: mut warnings } = loaded;
+    let Explanations { comments, reasons, warnings: others } = telling;
+    warnings.extend(others);
     Ok(Proposal { scene, body: name, comments, reasons, warnings, mesh })
 }
 
@@ -121,6 +127,14 @@ fn body_name(file: &Path) -> String {
         stem.chars().map(|c| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' }).collect();
     let plain = plain.trim_matches('_');
     if plain.is_empty() { "body".to_owned() } else { plain.to_owned() }
+}
+
+/// A stage as a scene at `scene_path` names it: a built-in one by its name, a file by its path from the scene's folder.
+pub fn stage_from_scene(named: &str, scene_path: &Path) -> String {
+    match named.ends_with(".toml") {
+        true => relative(Path::new(named), scene_path).display().to_string(),
+        false => named.to_owned(),
+    }
 }
 
 /// The file as seen from the scene's folder; from the root where they have no folder in common.

@@ -6,6 +6,7 @@
 use super::super::write::quoted_key;
 use super::super::{Grab, Scene, SceneError};
 use crate::base::extent::bounding_box;
+use crate::base::text::quoted;
 use crate::mesh::diagnostics::digits;
 use crate::mesh::{TetMesh, quality};
 use nalgebra::Vector3;
@@ -21,13 +22,11 @@ const MUCH: f64 = 0.25;
 
 /// The text of a pose file by `by_m`, m, for a scene of one body with this mesh.
 pub fn poses(scene: &Scene, mesh: &TetMesh, by_m: f64) -> Result<String, SceneError> {
-    let (path, poses) = (scene.path.display(), poses_path(&scene.path));
     let by = length(by_m);
     let mut text = format!(
-        "# How much force does {by} take? `greenstage deform {path} --poses {} -o out/{}` prints it.\n\
+        "# How much force does {by} take? `{}` prints it.\n\
          # Lengths are in metres, along the axes of the mesh.\n",
-        poses.display(),
-        scene.path.file_stem().unwrap_or_default().display(),
+        command(&scene.path)
     );
     let fixed = middle(scene, mesh, Grab::Fixed, None)?;
     for (name, control) in scene.body.values().flat_map(|body| &body.control) {
@@ -53,6 +52,14 @@ pub fn poses(scene: &Scene, mesh: &TetMesh, by_m: f64) -> Result<String, SceneEr
         }
     }
     Ok(text)
+}
+
+/// The command that answers the question of the pose file beside the scene at `scene_path`.
+pub fn command(scene_path: &Path) -> String {
+    let out = Path::new("out").join(scene_path.file_stem().unwrap_or_default());
+    let [scene, poses, out] =
+        [scene_path, &poses_path(scene_path), &out].map(|path| quoted(&path.display().to_string()));
+    format!("greenstage deform {scene} --poses {poses} -o {out}")
 }
 
 /// A length for a first question, m: a round number, some per cent of the body.

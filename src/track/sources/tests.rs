@@ -174,6 +174,28 @@ fn kinds_and_addresses_are_checked() {
 }
 
 #[test]
+fn sensors_and_buttons_that_a_tracker_never_reports_are_refused() {
+    for (from, to, table, part) in [
+        ("\"art\"\nid = 100", "\"pad\"\nid = 0", "[tracker.pad]", "tracker `pad` (gamepad) has no sensors"),
+        (
+            "dtrack = \"5000\"",
+            "osc = \"9000\"",
+            "[tracker.art]",
+            "has id = 100, and tracker `art` (osc) has the sensors 0 to 8",
+        ),
+        (
+            "gamepad = \"/dev/input/js0\"",
+            "osc = \"9000\"",
+            "[tracker.pad]",
+            "button of tracker `pad` (osc), which has none",
+        ),
+    ] {
+        let error = refusal(from, to, table);
+        assert!(error.contains(part), "{to}: {error}");
+    }
+}
+
+#[test]
 fn numbers_out_of_range_and_axes_that_are_no_rotation_are_refused() {
     for (from, to, table, part) in [
         ("min_cutoff = 1.0", "min_cutoff = 0", "[sensor.head]", "filter.min_cutoff of sensor `head` is 0"),

@@ -11,7 +11,7 @@ use super::payload::Payload;
 use crate::track::device::{DeviceState, Link, Source, now_s};
 use crate::track::flow::{PUBLISH_S, RateLimiter};
 use crate::track::listen::is_only_late;
-use crate::track::source_entry::{SourceEntry, SourceSettings, keys};
+use crate::track::source_entry::{ANY, SourceEntry, SourceSettings, keys};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
@@ -20,7 +20,8 @@ use std::thread::{Builder, Thread, park_timeout};
 use std::time::Duration;
 use triple_buffer::Output;
 
-pub const SOURCE: SourceEntry = SourceEntry { key: "vrpn", more_keys: &["transport"], read };
+pub const SOURCE: SourceEntry =
+    SourceEntry { key: "vrpn", more_keys: &["transport"], sensors: ANY, has_buttons: true, read };
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -32,6 +32,51 @@ fn new_writes_a_scene_and_never_over_another_file_unasked() {
     assert!(!folder.join("x.toml").exists());
 }
 
+/// The stage's file was named from the working folder, and commands fell apart at the space.
+#[test]
+fn a_proposed_scene_in_another_folder_opens_with_its_stage() {
+    let folder = project("new-stage");
+    let desktop = include_str!("../../../configs/stages/desktop.toml");
+    std::fs::write(folder.join("mine.toml"), desktop).unwrap();
+    let onto = |stage| ["new", "block.msh", "--stage", stage, "-o", "sub/a b.toml", "--pull", "5mm"];
+    refuse(&folder, &onto("nost"), &["nost"]);
+    refuse(&folder, &onto("nix.toml"), &["nix.toml"]);
+    let told = text(&succeed(&folder, &onto("mine.toml")).stdout);
+    let command = "greenstage deform 'sub/a b.toml' --poses 'sub/a b.poses.toml' -o 'out/a b'";
+    assert!(told.contains(command) && told.contains("greenstage view 'sub/a b.toml'"), "{told}");
+    assert!(read_to_string(folder.join("sub/a b.poses.toml")).unwrap().contains(command));
+    let written = read_to_string(folder.join("sub/a b.toml")).unwrap();
+    assert!(written.contains("stage = \"../mine.toml\"") && !written.contains("one window"), "{written}");
+    succeed(&folder, &["check", "sub/a b.toml"]);
+}
+
+/// The note was of a reading of the file by its corners alone.
+#[test]
+fn the_nodes_on_the_edges_of_a_quadratic_mesh_are_not_said_to_be_dropped() {
+    let folder = project("new-quadratic");
+    let quadratic = super::SCENE.replace("effects = [\"haptics\"]", "element = \"tet10\"");
+    std::fs::write(folder.join("ten.toml"), quadratic).unwrap();
+    succeed(&folder, &["deform", "ten.toml", "--poses", "poses.toml", "--all-nodes", "-o", "ten"]);
+    let told = |material: &str| {
+        let new = ["new", "ten.vtu", "-o", "a.toml", "--force", "--material", material];
+        text(&succeed(&folder, &new).stdout)
+    };
+    let (soft, stiff) = (told("rubber"), told("steel"));
+    assert!(soft.contains("tet10") && !soft.contains("only their 4 corners are used"), "{soft}");
+    assert!(!stiff.contains("tet10") && stiff.contains("only their 4 corners are used"), "{stiff}");
+}
+
+#[test]
+fn what_is_given_in_place_of_a_mesh_is_judged_first() {
+    let folder = project("new-no-mesh");
+    refuse(&folder, &["new", "."], &[".: is no mesh or surface file"]);
+    refuse(&folder, &["new", "scene.toml"], &["scene.toml: is no mesh or surface file"]);
+    refuse(&folder, &["new", "block.msh", "--cell", "0.1"], &["--cell fills a surface"]);
+    let dotted = "body.block.mesh = \"block.msh\"\n";
+    std::fs::write(folder.join("dotted.toml"), dotted).unwrap();
+    succeed(&folder, &["new", "block.msh", "-o", "dotted.toml", "--force"]);
+}
+
 #[test]
 fn a_body_of_implausible_size_is_asked_about() {
     let folder = project("units");
