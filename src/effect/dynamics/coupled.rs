@@ -142,6 +142,13 @@ impl Coupled {
         Phase { place: &self.shapes * x, speed: &self.shapes * v }
     }
 
+    /// The mean of z over a step of `dt_s` that begins so and leads to a phase.
+    pub fn mean_place(&self, begun: &[ModeStep], to: &Phase, dt_s: f64) -> DVector<f64> {
+        let (x, v) = (&self.amplitudes * &to.place, &self.amplitudes * &to.speed);
+        let mean = |k: usize| self.modes[k].mean([begun[k].state, [x[k], v[k]]], begun[k].load, dt_s);
+        &self.shapes * DVector::from_fn(self.modes.len(), |k, _| mean(k))
+    }
+
     /// Ψ, a row for each coordinate.
     pub fn shapes(&self) -> &DMatrix<f64> {
         &self.shapes
@@ -164,12 +171,15 @@ impl Coupled {
     ) -> Option<f64> {
         let before = &self.amplitudes * (&from.speed - along) + self.shapes.tr_mul(&loads.impulse);
         let after = &self.amplitudes * (&to.speed - along);
-        let carried = &self.amplitudes * (&loads.carried[0] - along);
-        let of = |k: usize| {
-            let taken = -0.5 * (-2.0 * self.modes[k].decay * dt_s).exp_m1();
-            taken * [&before, &after].map(|speed| (speed[k] - carried[k]) * speed[k]).iter().sum::<f64>()
+        let of = [along, &loads.carried[0], &loads.carried[1], &to.place, &to.speed];
+        let [along, carried, rate, x, v] = of.map(|of| &self.amplitudes * of);
+        let steps = self.begun(from, loads, dt_s);
+        let taken = |k: usize| {
+            let undamped = [carried[k] - 0.5 * dt_s * rate[k], rate[k]];
+            let states = [steps[k].state, [x[k], v[k]]];
+            self.modes[k].dissipated(states, steps[k].load, (undamped, along[k]), dt_s)
         };
-        let damped: f64 = (0..self.modes.len()).map(of).sum();
+        let damped: f64 = (0..self.modes.len()).filter(|k| self.modes[*k].decay > 0.0).map(taken).sum();
         let wanted = 0.5 * before.norm_squared() - raised - damped;
         let found = 0.5 * after.norm_squared();
         (wanted >= 0.0).then(|| if found > 0.0 { (wanted / found).sqrt().min(FASTER) } else { 1.0 })

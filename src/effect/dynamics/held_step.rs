@@ -48,6 +48,7 @@ impl Moving {
         let leg = Leg { last, poses, held, axes, dt_s };
         let [_, into] = leg.matrices();
         let carried = self.carried(system, &leg);
+        let even = carried.even.clone();
         let spin = self.spin(stride);
         let centrifugal = &system.centrifugal * DVectorView::from_slice(&squared(&spin), 9);
         let load = self.stride_load(system, stride, &into);
@@ -62,7 +63,19 @@ impl Moving {
         let from = self.phase(system, last, &into);
         let modes = system.coupled.begun(&from, &loads, dt_s);
         let to = system.coupled.ended(&modes, dt_s);
-        let ended = self.ended(system, &leg, carried, [&from, &to], centrifugal);
+        let mut ended = self.ended(system, &leg, carried, [&from, &to], centrifugal);
+        if system.released.contains(&true) {
+            // The force of the momentum is the mean over the step, and that of the elements beside it must be, too.
+            let mean = system.coupled.mean_place(&modes, &to, dt_s) - &to.place;
+            let behind = &system.all_from_own * mean - even * (0.5 * dt_s);
+            let lag = &self.tables.stiffness * behind;
+            let [out, _] = leg.matrices();
+            for (e, slope) in ended.slopes.iter_mut().enumerate().filter(|(e, _)| !system.released[*e]) {
+                let own = PoseSlope::of_numbers(&seen(&out, &lag.as_slice()[FIELDS * e..][..FIELDS]));
+                slope.translation += own.translation;
+                slope.matrix += own.matrix;
+            }
+        }
         let motion = Motion { pressed: self.pressed_modes(stride), ..ended };
         Strode { motion, vibration: VibrationStep { dt_s, modes } }
     }

@@ -9,6 +9,8 @@
 
 #[cfg(test)]
 mod beam_tests;
+#[cfg(test)]
+mod carried_tests;
 mod coupled;
 mod course;
 mod forces;

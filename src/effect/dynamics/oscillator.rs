@@ -32,6 +32,8 @@ pub struct Responses {
 
 /// λ t² and δ t below which the power series is summed, for otherwise digits would cancel.
 const SMALL: [f64; 2] = [0.1, 0.2];
+/// λ t² below which digits would cancel in the mean of a step.
+const SLOW: f64 = 1e-6;
 /// Terms of the series, the last below 1e-20 of the first.
 const TERMS: usize = 16;
 
@@ -44,6 +46,50 @@ impl Oscillator {
     /// The state x, ẋ after `dt_s` under the load a + b t + c t².
     pub fn advanced(&self, state: [f64; 2], load: [f64; 3], dt_s: f64) -> [f64; 2] {
         self.responses(dt_s).follow(state, load)
+    }
+
+    /// The mean of x over a step of `dt_s` between two states under that load, from the equation itself: λ ∫x = ∫f - Δẋ - 2δ Δx.
+    pub fn mean(&self, [from, to]: [[f64; 2]; 2], [a, b, c]: [f64; 3], dt_s: f64) -> f64 {
+        if self.square.abs() * dt_s * dt_s < SLOW {
+            // Of the cubic between both states.
+            return 0.5 * (from[0] + to[0]) + dt_s * (from[1] - to[1]) / 12.0;
+        }
+        let pushed = a + dt_s * (b / 2.0 + dt_s * c / 3.0);
+        let [displaced, sped] = [to[0] - from[0], to[1] - from[1]];
+        (pushed - (sped + 2.0 * self.decay * displaced) / dt_s) / self.square
+    }
+
+    /// The energy that damping takes in a step of `dt_s` between two states under that load, ∫ 2δ (ẋ - d)(ẋ - e): d + d' t is the speed that is
+    /// not damped, a part of the load, and e that of the observer. By what is left of the balance of all others.
+    pub fn dissipated(
+        &self,
+        [from, to]: [[f64; 2]; 2],
+        load: [f64; 3],
+        ([speed, rate], observer): ([f64; 2], f64),
+        dt_s: f64,
+    ) -> f64 {
+        let Oscillator { square, decay } = *self;
+        if square.abs() * dt_s * dt_s < SLOW {
+            let taken = -0.5 * (-2.0 * decay * dt_s).exp_m1();
+            let end = speed + rate * dt_s;
+            return taken * ((from[1] - speed) * (from[1] - observer) + (to[1] - end) * (to[1] - observer));
+        }
+        let [a, b, c] = load;
+        let place = dt_s * self.mean([from, to], load, dt_s);
+        let moment = (dt_s * dt_s * (a / 2.0 + dt_s * (b / 3.0 + dt_s * c / 4.0))
+            - (dt_s * to[1] - (to[0] - from[0]))
+            - 2.0 * decay * (dt_s * to[0] - place))
+            / square;
+        let [a, b] = [a - 2.0 * decay * speed, b - 2.0 * decay * rate];
+        let end = a + dt_s * (b + dt_s * c);
+        let work = end * to[0]
+            - a * from[0]
+            - b * place
+            - 2.0 * c * moment
+            - observer * dt_s * (a + dt_s * (b / 2.0 + dt_s * c / 3.0));
+        let kinetic = (to[1] - observer).powi(2) - (from[1] - observer).powi(2);
+        let elastic = square * (to[0] * to[0] - from[0] * from[0]);
+        work + observer * square * place - 0.5 * (kinetic + elastic)
     }
 
     pub fn responses(&self, t: f64) -> Responses {
@@ -187,6 +233,37 @@ mod tests {
                 for (found, expected) in found.iter().zip(expected) {
                     assert!((found - expected).abs() < 1e-10, "{of:?}: {found} {expected}");
                 }
+            }
+        }
+    }
+
+    /// Means against Simpson's rule over the closed form.
+    #[test]
+    fn the_mean_of_a_step_is_its_integral() {
+        for square in [-3.0, 0.0, 1e-9, 0.05, 1.0, 40.0] {
+            for decay in [0.0, 0.05, 1.0, 9.0] {
+                let of = Oscillator { square, decay };
+                let (state, load, t) = ([0.3, -1.2], [0.7, 2.0, -1.1], 1.3);
+                let at = |n: u32| of.advanced(state, load, t * f64::from(n) / 2000.0);
+                let weight = |n: u32| if n == 0 || n == 2000 { 1.0 } else { f64::from(2 + 2 * (n % 2)) };
+                let expected = (0..=2000).map(|n| weight(n) * at(n)[0]).sum::<f64>() / 6000.0;
+                let found = of.mean([state, at(2000)], load, t);
+                // A parabola as a load leaves the cubic by c t⁴/360, and damping by more; none damps a mode without stiffness.
+                let is_slow = square.abs() < 1e-6;
+                let off = if is_slow { 1.2e-2 } else { 1e-11 };
+                assert!(
+                    (found - expected).abs() < off || (is_slow && decay > 0.0),
+                    "{of:?}: {found} {expected}"
+                );
+                let (speed, observer) = ([0.4, -0.3], 0.2);
+                let rate = |n: u32| {
+                    let v = at(n)[1];
+                    let undamped = speed[0] + speed[1] * t * f64::from(n) / 2000.0;
+                    2.0 * decay * (v - undamped) * (v - observer)
+                };
+                let expected = (0..=2000).map(|n| weight(n) * rate(n)).sum::<f64>() * t / 6000.0;
+                let found = of.dissipated([state, at(2000)], load, (speed, observer), t);
+                assert!((found - expected).abs() < 1e-8 || is_slow, "{of:?}: {found} {expected}");
             }
         }
     }

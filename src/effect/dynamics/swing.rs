@@ -114,11 +114,11 @@ impl Moving {
             }
             if left_s > 0.0 {
                 is_stopped = swing.would_move(forces, &total);
-                swing.stop(&mut motion);
+                swing.stop(&mut motion, left_s);
             }
         } else {
             is_stopped = true;
-            Swing { moving: self, system, now, dt_s, added: Vec::new() }.stop(&mut motion);
+            Swing { moving: self, system, now, dt_s, added: Vec::new() }.stop(&mut motion, dt_s);
         }
         let stopped = if is_stopped { self.motion.stopped.saturating_add(1) } else { 0 };
         Motion { step_s: dt_s, turn: Some(now.turn()), slopes: inertia, stopped, ..motion }
@@ -126,14 +126,25 @@ impl Moving {
 }
 
 impl Swing<'_> {
-    /// Elements stand still where they are, before poses in which the model has no forces; what is held goes on.
-    fn stop(&self, motion: &mut Motion) {
+    /// Elements stand still beside what is held, which goes on: before poses in which the model has no forces, and where nothing is left of
+    /// their energy.
+    fn stop(&self, motion: &mut Motion, left_s: f64) {
         motion.speeds.fill(0.0);
         motion.rates.fill(0.0);
-        for e in (0..motion.poses.len()).filter(|e| !self.system.released[*e]) {
-            if self.now.poses[e].is_finite() {
-                motion.poses[e] = self.now.poses[e];
+        let held: Vec<usize> = (0..motion.poses.len()).filter(|e| !self.system.released[*e]).collect();
+        let mut speed = Vector3::zeros();
+        for &e in held.iter().filter(|e| self.now.poses[**e].is_finite()) {
+            if self.now.held[e] {
+                let ends = [self.now.poses[e], self.moving.motion.poses[e]].map(|pose| pose.coefficients());
+                let own = &mut motion.speeds[FIELDS * e..][..FIELDS];
+                own.iter_mut().enumerate().for_each(|(i, own)| *own = (ends[0][i] - ends[1][i]) / self.dt_s);
+                speed += Vector3::from_column_slice(&own[..3]) / held.len() as f64;
             }
+            motion.poses[e] = self.now.poses[e];
+        }
+        for e in (0..motion.poses.len()).filter(|e| self.system.released[*e]) {
+            motion.poses[e].translation += speed * left_s;
+            motion.speeds[FIELDS * e..][..3].copy_from_slice(speed.as_slice());
         }
     }
 
