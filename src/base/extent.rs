@@ -9,7 +9,7 @@ pub fn extent<T: RealField + Copy>(places: impl IntoIterator<Item = Vector3<T>>)
     places.into_iter().map(|x| (x, x)).reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
 }
 
-/// The same of places in a list; zero without places.
+/// Least and greatest coordinates of places in a list; zero without places.
 pub fn bounding_box(places: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
     extent(places.iter().copied()).unwrap_or_default()
 }

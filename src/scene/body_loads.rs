@@ -4,14 +4,11 @@
 //! with a key.
 
 use super::loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, LoadEntry, LoadKind, LoadSource, LoadValue,
-    SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal, Whole,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, LARGEST_NUMBER, LoadEntry, LoadKind, LoadSource,
+    LoadValue, SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal, Whole,
 };
 use super::{Body, Method, Nodes};
 use std::path::{Path, PathBuf};
-
-/// Largest number of a pose or load; what is summed must stay within single precision.
-pub const LARGEST_NUMBER: f64 = 1e15;
 
 impl Body {
     /// Gives its whole surface a compliance where the scene says nothing of one: by the factor, where the solver has one that can be

@@ -16,6 +16,9 @@ pub const GRAVITY: &str = "gravity";
 pub const CENTRIFUGAL: &str = "centrifugal";
 pub const THERMAL: &str = "thermal";
 
+/// Largest number of a pose or load; what is summed must stay within single precision.
+pub const LARGEST_NUMBER: f64 = 1e15;
+
 /// `gravity = true`, or the acceleration in the room's axes, m/s².
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged, expecting = "expected true, false, or an acceleration [x, y, z] in the room's axes, m/s²")]

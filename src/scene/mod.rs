@@ -33,13 +33,12 @@ pub mod write;
 
 pub use crate::base::columns::Storage;
 pub use accuracy_target::{Accuracy, AccuracyTarget, Budget};
-pub use body_loads::LARGEST_NUMBER;
 pub use direction::{DirectionField, DirectionFile};
 pub use error::SceneError;
 pub use limit::{LegendSettings, Limit, Quantity};
 pub use loads::{
-    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, Load, LoadEntry, LoadKind, LoadSource, LoadValue,
-    STANDARD_GRAVITY, SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
+    CENTRIFUGAL, Centrifugal, GRAVITY, Gravity, KeptForm, LARGEST_NUMBER, Load, LoadEntry, LoadKind,
+    LoadSource, LoadValue, STANDARD_GRAVITY, SurfaceCompliance, SurfaceNodes, THERMAL, Take, Thermal,
 };
 pub use look::{CREASE, Color, Lines, Texture};
 pub use material::Material;

@@ -1,8 +1,7 @@
 //! Work of friction in a frame, where it is to be heard.
 //!
 //! In: the contacts at the end of a step, with the way that each has slipped and the work of friction on it. Out: the work on each body that is
-//! heard; that of two such bodies counts half for each. Ways are those
-//! in the body's own metres, for which its forces are.
+//! heard; that of two such bodies counts half for each. Ways are those in the body's own metres, for which its forces are.
 
 use super::candidates::Places;
 use super::touch::Contact;

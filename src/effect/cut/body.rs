@@ -46,7 +46,7 @@ pub struct CutBody {
     pub(super) undone: Vec<Edges>,
     /// Pieces that have fallen off.
     pub(super) fallen: Vec<Fallen>,
-    /// Where the body stood when they moved last.
+    /// Place of the body when they moved last.
     pub(super) stood: Option<Similarity3<f64>>,
     pub is_felt: bool,
     /// Whether it is heard, and the work of the blades in the frame if it is.

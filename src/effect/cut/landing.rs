@@ -49,7 +49,7 @@ impl Motion {
         Motion { pose, velocity: V3::zeros(), spin: V3::zeros() }
     }
 
-    /// The same motion of a body that another motion has carried along.
+    /// Motion after another one, `by`, has carried the body along.
     pub fn carried(&self, by: &Isometry3<f64>) -> Motion {
         let (velocity, spin) = (by.rotation * self.velocity, by.rotation * self.spin);
         Motion { pose: by * self.pose, velocity, spin }

@@ -37,7 +37,7 @@ fn the_impulse_of_a_hand_is_the_momentum_of_what_it_draws() {
     }
 }
 
-/// What is drawn evenly takes no force once it swings no more: the work of the hand was summed from forces that swing within a leg.
+/// A bar that is drawn evenly takes no force once it swings no more: the work of the hand was summed from forces that swing within a leg.
 #[test]
 fn an_even_motion_takes_no_force() {
     for model in ["rod", "reduced"] {

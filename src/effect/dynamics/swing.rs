@@ -10,9 +10,9 @@
 //! an exponential step of Rosenbrock's kind (M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19, 2010, 209-286,
 //! section 2.4), whose b is found by iteration from the forces at the end of the leg: a stiff direction follows the arc on which the
 //! element turns, which it would otherwise leave along the tangent. Then the speeds are scaled so that kinetic energy, V and the work of
-//! what is held balance, seen from the mean motion of what is held: the energy never rises, however long a step is and however negative
-//! an eigenvalue of H. In such a direction the
-//! element leaves an unstable place as e^(√-λ t), within a leg by no more than in any other motion.
+//! what is held balance, as seen from the mean motion of what is held: the energy never rises, however long a step is and however
+//! negative an eigenvalue of H. In such a direction the element leaves an unstable place as e^(√-λ t), within a leg by no more than
+//! in any other motion.
 //!
 //! The axes R are the mean turn of the elements that are not released, so that M is constant while these rest. What a bend changes of M
 //! is left out, of the second order in its angle. The elements stop before a pose without equilibrium, and where even

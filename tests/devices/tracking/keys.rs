@@ -27,7 +27,7 @@ predict = 0.02
 lost = { after = 0.1, warn = 1.0 }
 [sensor.wand]
 tracker = "b"
-id = -5
+id = 5
 [stylus.right]
 sensor = "wand"
 grab = { tracker = "c", button = 1 }
