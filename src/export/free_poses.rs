@@ -61,12 +61,15 @@ fn find(
     }
 }
 
-/// Wrenches of a body that is shown from a .green file.
-fn of_file<'a>(body: &'a mut Deformer) -> impl FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a {
-    |poses| {
+/// Wrenches of a body that is shown from a .green file; where its way begins at rest, it is led from there to poses that the state
+/// before them does not reach.
+fn of_file<'a>(
+    body: &'a mut Deformer,
+    is_from_rest: bool,
+) -> impl FnMut(&[ControlPose]) -> Result<Vec<Wrench>, String> + 'a {
+    move |poses| {
         body.take(poses);
-        if body.balance().is_none() {
-            // The state before them may be one from which these poses cannot be reached.
+        if is_from_rest && body.balance().is_none() {
             body.forget();
             go(&vec![ControlPose::REST; poses.len()], poses, body);
             body.take(poses);
@@ -117,7 +120,7 @@ pub(super) fn found<'a>(
                     }
                     deformer.apply(&loads(&one, &deformer)?);
                     let before = before.map(|before| &before.control);
-                    find(&one, before, (body.model, length), &mut of_file(&mut deformer))
+                    find(&one, before, (body.model, length), &mut of_file(&mut deformer, one.after.is_none()))
                 }
             };
             match settled {
@@ -199,7 +202,7 @@ pub(super) fn first_yield(
     let (share, control) = approach(NEAR[0], !asked.loads.is_none(), |share| {
         deformer.forget();
         let poses = match &mut search {
-            Some(search) => search.at(share, &mut of_file(deformer)).ok()?,
+            Some(search) => search.at(share, &mut of_file(deformer, true)).ok()?,
             None => way(share),
         };
         // The search may have taken them already.

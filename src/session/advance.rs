@@ -130,6 +130,12 @@ impl Session {
             let own = name.strip_prefix(&format!("{of_body}.")).unwrap_or(&name);
             let settings = self.scene.as_ref().map(|scene| &scene.body[of_body]);
             let entry = settings.and_then(|body| body.loads().into_iter().find(|load| load.name == own));
+            if entry.as_ref().is_some_and(|load| load.source.columns() > 1) {
+                self.warnings.push(format!(
+                    "the load {name} has three numbers, and the script sets one: it stays as it is"
+                ));
+                continue;
+            }
             let coefficients =
                 entry.zip(settings).map(|(load, body)| body.load_coefficients(&load, &[value]));
             match coefficients {

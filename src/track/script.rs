@@ -21,7 +21,7 @@
 //! | `target`, `direction`, `rotation` | orientation: -z towards a place, or along a direction, or a rotation vector in radians; one of them |
 //! | `roll` | with target or direction: radians about the -z axis |
 //! | `pressed`, `second` | the stylus' buttons, from this key frame on |
-//! | `load.NAME`, `load."BODY.NAME"` | what a load of the scene comes to, in N, N·m or Pa; linear between key frames |
+//! | `load.NAME`, `load."BODY.NAME"` | what a load of the scene comes to, as in pose files: N, N·m, Pa, rad/s or kelvins; linear between key frames |
 //! | `head.offset` | instead of all those: metres in the room's axes from where the stage has the viewer, looking as there |
 //!
 //! The first key frame must state everything that the script moves; later ones state only what changes.

@@ -450,9 +450,17 @@ impl Deformer {
     pub fn remade(&self, file: Arc<GreenFile>, kept: usize) -> Result<Deformer, String> {
         let mut other = Deformer::new(file, &self.body, self.entry)?;
         let mut state = self.snapshot();
-        let is_kept = |point: &PointLoad| point.corners().all(|(node, _)| (node as usize) < kept);
-        state.loads.points.retain(is_kept);
-        state.contribution.points.retain(is_kept);
+        let keep = |points: &mut Vec<PointLoad>| {
+            points.retain(|point| point.corners().all(|(node, _)| (node as usize) < kept));
+            for point in points {
+                // A corner without a share may be one that is gone.
+                let own = point.corners().next().map_or(0, |(node, _)| node);
+                let all = point.nodes.iter_mut().zip(point.weights);
+                all.filter(|(_, w)| *w == 0.0).for_each(|(node, _)| *node = own);
+            }
+        };
+        keep(&mut state.loads.points);
+        keep(&mut state.contribution.points);
         other.sharp = self.sharp;
         other.find_creases();
         other.be_patient(self.patience);

@@ -179,7 +179,7 @@ impl Deformer {
             rest = others;
             own.iter().any(|c| *c != 0.0) && meta.turning != Turning::Inner && meta.name != GRAVITY
         };
-        points.is_empty() && !self.load_metas().iter().any(acts)
+        points.is_empty() && !self.contribution.exerts_forces() && !self.load_metas().iter().any(acts)
     }
 
     /// The coefficients of all load columns as they were summed last, in the frame of the columns; of a model that sums none, as

@@ -188,7 +188,7 @@ impl FrameForces {
     }
 
     /// Derivative of Σ p_k g_k over the fields Φ by a motion of m in its own axes: forces that keep their directions turn against
-    /// m.
+    /// m. Those that follow the body turn against it by the little by which m is not the mean turn, which is left out.
     pub fn by_turn(&self, m: &Isometry3<f64>, q: &[f64]) -> Vector6<f64> {
         let start = 1 + self.lift.rigid;
         let moments = q.iter().enumerate().map(|(k, p)| columns(&self.fixed, start + k) * *p).sum();

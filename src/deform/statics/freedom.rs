@@ -40,11 +40,11 @@ const NOTHING: f64 = 1e-12;
 /// equilibrium is found to a tolerance: a thin strip resists being stretched (L/t)² times more than being bent.
 const TOLERANCE: f64 = 1e-8;
 const ROUGH: f64 = 1e-5;
-/// A step is taken where the next one, with the same slopes, is shorter by this: what bends little stretches a thin body to second order, so
-/// that forces grow before they fall (the natural monotonicity test; P. Deuflhard, Newton Methods for Nonlinear Problems, Springer
-/// 2004, section 3.1). It is halved at most so often.
+/// A step is taken where the next one, with the same slopes, is at most this part as long: what bends little stretches a thin body to
+/// second order, so that forces grow before they fall (after the natural monotonicity test; P. Deuflhard, Newton Methods for
+/// Nonlinear Problems, Springer 2004, section 3.1). Else half of it is tried, and so on, so many in all.
 const NEARER: f64 = 0.9;
-const HALVINGS: i32 = 5;
+const TRIALS: i32 = 5;
 const ITERATIONS: usize = 30;
 /// The first part of the way, and the smallest.
 const FIRST_PART: f64 = 0.25;
@@ -208,7 +208,7 @@ impl<'a> Search<'a> {
             let factor = jacobian.clone().lu();
             let step = factor.solve(&-&now.r).filter(|_| !q.is_empty());
             let mut found = None;
-            for halvings in 0..HALVINGS {
+            for halvings in 0..TRIALS {
                 let Some(whole) = &step else { break };
                 let step = whole * 0.5f64.powi(halvings);
                 if let Ok(next) = self.residual(share, &(&q + &step), of).map(|next| (step, next))

@@ -23,8 +23,8 @@ fn felt(young: f64, model: &str, along: Vector3<f64>, (ratio, frames): (f64, u32
         .collect()
 }
 
-/// The impulse of the hand is the momentum of the bar, however stiff it is: the elastic force was that at the end of a frame, and missed
-/// what swings within one.
+/// The impulse of the hand is the momentum of the bar in `linear`, however stiff it is: the elastic force was that at the end of a frame, and
+/// missed what swings within one.
 #[test]
 fn the_impulse_of_a_hand_is_the_momentum_of_what_it_draws() {
     let momentum = LENGTH * SECTION[0] * SECTION[1] * DENSITY * SPEED;

@@ -248,7 +248,7 @@ mod tests {
                 let weight = |n: u32| if n == 0 || n == 2000 { 1.0 } else { f64::from(2 + 2 * (n % 2)) };
                 let expected = (0..=2000).map(|n| weight(n) * at(n)[0]).sum::<f64>() / 6000.0;
                 let found = of.mean([state, at(2000)], load, t);
-                // A parabola as a load leaves the cubic by c t⁴/360, and damping by more; none damps a mode without stiffness.
+                // Of a slow mode: a parabola as a load leaves the cubic by c t⁴/360, and damping by more.
                 let is_slow = square.abs() < 1e-6;
                 let off = if is_slow { 1.2e-2 } else { 1e-11 };
                 assert!(

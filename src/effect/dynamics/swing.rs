@@ -15,8 +15,8 @@
 //! in any other motion.
 //!
 //! The axes R are the mean turn of the elements that are not released, so that M is constant while these rest. What a bend changes of M
-//! is left out, of the second order in its angle. The elements stop before a pose without equilibrium, and where even
-//! the shortest leg does not balance; [`Motion::stopped`] counts the frames in which they do so.
+//! is left out, of the second order in its angle. The elements stand still beside what is held before a pose without equilibrium, and
+//! where even the shortest leg does not balance; [`Motion::stopped`] counts the frames in which they do so.
 
 use super::coupled::{Coupled, Phase, StepLoads};
 use super::forces::{Felt, Forces, difference};
