@@ -119,7 +119,7 @@ mod tests {
         assert!(why_of(&lists, ErrorSource::Nowhere, &[]).contains("--all-nodes"));
     }
 
-    /// It was called unknown where `check` knew it.
+    /// The part of the mesh was called unknown where `check` knew it.
     #[test]
     fn of_a_model_of_equilibrium_the_measured_part_of_the_mesh_is_told() {
         let scene = scene("model = \"stvk\"", &BOTH);

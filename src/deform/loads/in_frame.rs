@@ -21,7 +21,6 @@ use crate::deform::pose::frame::axial;
 use crate::green::{Lift, LoadMeta, REDUCED_LOADS, Turning, WARMTH};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Vector3, Vector6};
 use std::collections::BTreeMap;
-use std::ops::AddAssign;
 
 type V3 = Vector3<f64>;
 
@@ -176,10 +175,8 @@ impl FrameForces {
     /// ∂W by a motion of m in its own axes, z and c̄ being held.
     pub fn by_frame(&self, m: &Isometry3<f64>, common: &V3, z: &[f64]) -> Vector6<f64> {
         let moments = z.iter().enumerate().map(|(k, z)| columns(&self.all, k) * *z).sum();
-        let mut by_frame = joined(m, &self.all[0], &moments);
         let torque = common.cross(&self.by_common(m));
-        by_frame.fixed_rows_mut::<3>(3).add_assign(&torque);
-        by_frame
+        joined(m, &self.all[0], &moments) + Vector6::new(0.0, 0.0, 0.0, torque.x, torque.y, torque.z)
     }
 
     /// ∂W/∂c̄, in the axes of m.

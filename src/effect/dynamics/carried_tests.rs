@@ -32,7 +32,7 @@ fn the_impulse_of_a_hand_is_the_momentum_of_what_it_draws() {
         for along in [Vector3::x(), Vector3::y()] {
             let impulse = felt(young, "linear", along, (0.2, 1200)).iter().sum::<f64>() * DT_S;
             println!("{young:e} Pa: impulse {:.2e} off", impulse / momentum - 1.0);
-            assert!((impulse / momentum - 1.0).abs() < 1e-3, "{young:e} Pa: {impulse} of {momentum} N·s");
+            assert!((impulse / momentum - 1.0).abs() < 7.5e-5, "{young:e} Pa: {impulse} of {momentum} N·s");
         }
     }
 }
@@ -51,7 +51,7 @@ fn an_even_motion_takes_no_force() {
     }
 }
 
-/// A soft cube-like bar that is held aslant, sags, and is let go: its weight turns it no more than its sag springs back.
+/// A soft bar that is held aslant, sags, and is let go: its weight turns it no more than its sag springs back.
 #[test]
 fn the_weight_of_a_soft_body_does_not_turn_it_in_flight() {
     let keys = |model: &str| format!("model = \"{model}\"\ngravity = [-6.0, -6.0, 0.0]");
@@ -68,6 +68,6 @@ fn the_weight_of_a_soft_body_does_not_turn_it_in_flight() {
             turned.push(turn(&rig));
         }
         println!("{model}: turned by {} rad after half a second, {} rad after one", turned[29], turned[59]);
-        assert!((turned[59] - turned[29]).abs() < 1e-3, "{model}: {} {}", turned[29], turned[59]);
+        assert!((turned[59] - turned[29]).abs() < 1.4e-5, "{model}: {} {}", turned[29], turned[59]);
     }
 }

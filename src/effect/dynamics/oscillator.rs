@@ -70,9 +70,11 @@ impl Oscillator {
     ) -> f64 {
         let Oscillator { square, decay } = *self;
         if square.abs() * dt_s * dt_s < SLOW {
-            let taken = -0.5 * (-2.0 * decay * dt_s).exp_m1();
-            let end = speed + rate * dt_s;
-            return taken * ((from[1] - speed) * (from[1] - observer) + (to[1] - end) * (to[1] - observer));
+            // Simpson's rule, with the speed in the middle of the cubic between both states.
+            let middle = 1.5 * (to[0] - from[0]) / dt_s - 0.25 * (from[1] + to[1]);
+            let taken = |v: f64, part: f64| (v - speed - rate * part * dt_s) * (v - observer);
+            let all = taken(from[1], 0.0) + 4.0 * taken(middle, 0.5) + taken(to[1], 1.0);
+            return 2.0 * decay * all * dt_s / 6.0;
         }
         let [a, b, c] = load;
         let place = dt_s * self.mean([from, to], load, dt_s);
@@ -248,13 +250,13 @@ mod tests {
                 let weight = |n: u32| if n == 0 || n == 2000 { 1.0 } else { f64::from(2 + 2 * (n % 2)) };
                 let expected = (0..=2000).map(|n| weight(n) * at(n)[0]).sum::<f64>() / 6000.0;
                 let found = of.mean([state, at(2000)], load, t);
-                // Of a slow mode: a parabola as a load leaves the cubic by c t⁴/360, and damping by more.
+                // Of a slow mode: a parabola as a load leaves the cubic by c t⁴/360. None is damped much within a step.
                 let is_slow = square.abs() < 1e-6;
+                if is_slow && decay > 0.1 {
+                    continue;
+                }
                 let off = if is_slow { 1.2e-2 } else { 1e-11 };
-                assert!(
-                    (found - expected).abs() < off || (is_slow && decay > 0.0),
-                    "{of:?}: {found} {expected}"
-                );
+                assert!((found - expected).abs() < off, "{of:?}: {found} {expected}");
                 let (speed, observer) = ([0.4, -0.3], 0.2);
                 let rate = |n: u32| {
                     let v = at(n)[1];
@@ -263,7 +265,8 @@ mod tests {
                 };
                 let expected = (0..=2000).map(|n| weight(n) * rate(n)).sum::<f64>() * t / 6000.0;
                 let found = of.dissipated([state, at(2000)], load, (speed, observer), t);
-                assert!((found - expected).abs() < 1e-8 || is_slow, "{of:?}: {found} {expected}");
+                let off = if is_slow { 0.05 * expected.abs() } else { 1e-8 };
+                assert!((found - expected).abs() <= off, "{of:?}: {found} {expected}");
             }
         }
     }
